@@ -73,8 +73,14 @@ def build(clumps: bool):
         rotation: wp.array(dtype=wp.vec4d)  # (c,) over the step, unit quaternion less 1, of ``step.free_rotation``
         reading: wp.array(dtype=Reading)  # (c,) motion at the time of the last reading
         of_grain: wp.array(dtype=wp.int32)  # (n,) clump that a grain belongs to, or NONE
-        arm: wp.array(dtype=wp.vec4d)  # (n,) place of a member in the principal axes, and its radius [m]
+        shape: wp.array(dtype=wp.int32)  # (c,) row of its first member in ``arm``
+        arm: wp.array(dtype=wp.vec4d)  # (a,) place of a member in the principal axes, and its radius [m]; once for clumps alike
         spheres: wp.int32  # grains of their own
+
+    @wp.func
+    def arm_of(c: int, m: int, all: Clumps) -> wp.vec4d:
+        """Row of ``arm`` of member ``m`` of clump ``c``."""
+        return all.arm[all.shape[c] + m - all.first[c]]
 
     if clumps:
 
@@ -99,4 +105,6 @@ def build(clumps: bool):
         """Whether grains ``i`` and ``j`` are members of one clump."""
         return of_grain[i] != wp.static(NONE) and of_grain[i] == of_grain[j]
 
-    return KernelSet(Clumps=Clumps, Inverse=Inverse, inverse_mass=inverse_mass, same_clump=same_clump, there=clumps)
+    return KernelSet(
+        Clumps=Clumps, Inverse=Inverse, inverse_mass=inverse_mass, arm_of=arm_of, same_clump=same_clump, there=clumps
+    )

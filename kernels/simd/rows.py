@@ -60,10 +60,10 @@ def helpers(scalar: Any, lanes: int) -> str:
             for (int k = 0; k < {lanes}; ++k) out[k] = r[k];
         }}
         {INLINE} {lane} join(const {number}* a, const {number}* b) {{ return {both}; }}
-        {INLINE} void read_half(const {number}* rows, const wp::int32* index, {lane}* out) {{
+        {INLINE} void read_half(const {number}* rows, int width, const wp::int32* index, {lane}* out) {{
             {lane} r[{half}];
             for (int k = 0; k < {half}; ++k)
-                r[k] = join(rows + (long long)index[k] * {half}, rows + (long long)index[k + {half}] * {half});
+                r[k] = join(rows + (long long)index[k] * width, rows + (long long)index[k + {half}] * width);
 {_transposed(lane, lanes, half)}\
             for (int k = 0; k < {half}; ++k) out[k] = r[k];
         }}
@@ -75,7 +75,7 @@ def gathered(name: str, kind: type, address: str, index: str, lanes: int) -> str
     width = kind._length_
     text = f"        wp::vec_t<{width}, f64> {name};\n"
     if 2 * width == lanes:
-        return f"{text}        batch::read_half({address}, {index}, {name}.c);\n"
+        return f"{text}        batch::read_half({address}, {width}, {index}, {name}.c);\n"
     if width < lanes:
         each = f"for (int f = 0; f < {width}; ++f) {name}.c[f][k] = ({address})[(long long){index}[k] * {width} + f];"
         return f"{text}        for (int k = 0; k < {lanes}; ++k) {each}\n"

@@ -43,6 +43,7 @@ def build(
         lanes: clumps side by side; 1 on a GPU.
     """
     g = grain.build(True)
+    arm_of = clump.build(True).arm_of
     Model, Grains, Energies = structs.Model, structs.Grains, structs.Energies
 
     @wp.func
@@ -51,7 +52,7 @@ def build(
         wall_contacts: WallContacts, control: Control,
     ) -> Energies:  # fmt: skip
         """Energies of member ``i`` of clump ``c`` over ``weight`` [s]."""
-        v, w = clumps.member_motion(i, rotation_matrix(grains.clumps.turn[c]), motion, grains.clumps)
+        v, w = clumps.member_motion(c, i, rotation_matrix(grains.clumps.turn[c]), motion, grains.clumps)
         found = budget.contact_energies(i, v, w, weight, wall_contacts)
         if i == grains.clumps.first[c]:
             velocity = wp.vec3d(motion[0], motion[1], motion[2])
@@ -68,7 +69,7 @@ def build(
         total = load(i, grains.slot_start, grains.slot_force, wall_contacts.candidates, wall_contacts.load)
         state = grains.record[i]
         if wp.static(border.images > 1):  # where it is on its clump, not the image of it within the borders
-            arm = rotation_matrix(grains.clumps.turn[c]) * clump.place_of(grains.clumps.arm[i])
+            arm = rotation_matrix(grains.clumps.turn[c]) * clump.place_of(arm_of(c, i, grains.clumps))
             state = g.placed(state, g.position(grains.clumps.record[c]) + arm)
         found = budget.contact_momenta(i, state, total, weight, at, wall_contacts, control)
         if i == grains.clumps.first[c]:
@@ -179,7 +180,7 @@ def build(
         axes = rotation_matrix(grains.clumps.turn[c])
         first = grains.clumps.first[c]
         for i in range(first, first + grains.clumps.count[c]):
-            v, w = clumps.member_motion(i, axes, motion, grains.clumps)
+            v, w = clumps.member_motion(c, i, axes, motion, grains.clumps)
             load_out[i] = load(i, grains.slot_start, grains.slot_force, wall_contacts.candidates, wall_contacts.load)
             velocity_out[i] = v
             spin_out[i] = w

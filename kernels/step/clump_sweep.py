@@ -2,9 +2,10 @@
 
 The step of a clump is that of ``clumps``, translated by ``simd.translate``, so a clump has the bits that it has by itself.
 Written here in C++ is only how numbers come in and go out: in the lane of a clump that has fewer members than another, or where
-there are no more clumps, the last one is done once more. Loads of members are summed one by one, as of any grain. What is
-written later is announced while they are summed, and the forces on the next clumps while members are written: in a large bed
-all of it comes from beyond the caches.
+there are no more clumps, the last one is done once more. Loads of members are summed one by one, as of any grain. Clumps of one
+template and size have the places of their members in common, which then go to all lanes at once. What the next clumps write is
+announced while loads are summed, and the forces on them while members are written: in a large bed all of it comes from beyond
+the caches, and not in the order of memory.
 
 Nothing but the motion is here: what fields and budgets ask for is done clump by clump, before (``drive``).
 """
@@ -19,56 +20,10 @@ from warpdem.kernels.simd.rows import gathered, same
 from warpdem.kernels.simd.translate import Translator
 from warpdem.kernels.step.clumps import what_drives, with_member
 from warpdem.kernels.step.free_rotation import rotation_matrix
-from warpdem.kernels.step.motion_sweep import strayed
+from warpdem.kernels.step.motion_sweep import loads, strayed
 from warpdem.kernels.step.schedule import Row
 
-
-def _loads(real, lanes: int, walls: bool) -> str:
-    """C++ of ``at`` and ``load``: the n-th member of each clump and what acts on it, nothing where there is none.
-
-    The sums of ``motion.build_load``, which stay in registers on their way into lanes.
-    """
-    number = NUMBER[real]
-    at_walls = """
-                if (wall_contacts.candidates.data[m] > 0) {
-                    const double* one = wall_load.data[m].c;
-                    force[k] += *(const given4*)one;
-                    torque[k] += *(const given2*)(one + 4);
-                }"""
-    squares = ""
-    for first in range(0, 6, lanes):
-        columns = range(first, min(first + lanes, 6))
-        rows_of = "".join(
-            f" r[k][{f - first}] = {f'force[k][{f}]' if f < 4 else f'torque[k][{f - 4}]'};" for f in columns
-        )
-        squares += f"""            {{
-                f64 r[{lanes}] = {{}};
-                #pragma unroll
-                for (int k = 0; k < {lanes}; ++k) {{{rows_of} }}
-                batch::transpose(r);
-{"".join(f"                load.c[{f}] = r[{f - first}];" + chr(10) for f in columns)}\
-            }}
-"""
-    return f"""\
-            sum4 force[{lanes}] = {{}};
-            sum2 torque[{lanes}] = {{}};
-            #pragma unroll
-            for (int k = 0; k < {lanes}; ++k) {{
-                const wp::int32 m = at[k] = first[k] + (n < count[k] ? n : count[k] - 1);
-                const wp::int32* slot = grains.slot_start.data + m;
-                __builtin_prefetch(grains.record.data + m, 1);
-                __builtin_prefetch((const char*)(grains.record.data + m) + 64, 1);
-                __builtin_prefetch(grains.inverse.data + m, 1);
-                __builtin_prefetch(wp::address(grains.reference, m, 0));
-                if (n >= count[k]) continue;
-                #pragma clang loop unroll(disable)
-                for (wp::int32 e = slot[0]; e < slot[1]; ++e) {{
-                    const {number}* one = slot_force.data[e].c;
-                    force[k] += __builtin_convertvector(*(const stored4*)one, sum4);
-                    torque[k] += __builtin_convertvector(*(const stored2*)(one + 4), sum2);
-                }}{at_walls if walls else ""}
-            }}
-{squares}"""
+SLOTS = 4  # force slots that are added without a branch: most members have no more
 
 
 def source(clumps, travel, lanes: int, *, real, walls: bool, leave: bool, driven: bool) -> str:
@@ -80,23 +35,46 @@ def source(clumps, travel, lanes: int, *, real, walls: bool, leave: bool, driven
     Record = grain.build(True).Record
     width = Record._length_
     there = f"clumps.record.data[c].c[0] != {grain.REMOVED_X!r}" if leave else "true"
+    members = f"""\
+            wp::int32 at[{lanes}];
+            for (int k = 0; k < {lanes}; ++k) at[k] = first[k] + (n < last[k] ? n : last[k]);
+"""
+    arm = f"""\
+            wp::vec_t<4, f64> arm;
+            if (alike) {{
+                for (int f = 0; f < 4; ++f) arm.c[f] = clumps.arm.data[shape[0] + n].c[f];
+            }} else {{
+                wp::int32 row[{lanes}];
+                for (int k = 0; k < {lanes}; ++k) row[k] = shape[k] + at[k] - first[k];
+{gathered("found", wp.vec4d, "clumps.arm.data[0].c", "row", lanes)}\
+                arm = found;
+            }}
+"""
+    next_forces = f"""\
+            for (int k = 0; k < {lanes}; ++k) {{
+                const wp::int32 next = at[k] + span < grains.record.shape[0] ? at[k] + span : at[k];
+                const char* force = (const char*)(grains.slot_force.data + grains.slot_start.data[next]);
+                __builtin_prefetch(force);
+                __builtin_prefetch(force + 64);
+            }}
+"""
     summed = f"""
         wp::vec_t<6, f64> total;
         const auto axes = batch::{axes_of_clump}(turn);
         for (wp::int32 n = 0; n < most; ++n) {{
-            wp::int32 at[{lanes}];
-            wp::vec_t<6, f64> load;
-{_loads(real, lanes, walls)}\
-{gathered("arm", wp.vec4d, "clumps.arm.data[0].c", "at", lanes)}\
-            total = batch::{loaded}(total, axes, arm, load);
+{members}\
+            for (int k = 0; k < {lanes}; ++k) {{
+                const auto* next = grains.record.data + at[k] + span;
+                __builtin_prefetch(next, 1);
+                __builtin_prefetch((const char*)next + 64, 1);
+                __builtin_prefetch(grains.inverse.data + at[k] + span, 1);
+            }}
+{loads("load", real, lanes, spins=True, walls=walls, slots=SLOTS)}\
+            if (!alike)
+                for (int f = 0; f < 6; ++f) load.c[f] = __builtin_convertvector(n <= last, m64) ? load.c[f] : f64(0.0);
+{arm}            total = batch::{loaded}(total, axes, arm, load);
         }}
         const auto drive = batch::{drives}(total, rate, step);
-"""
-    next_forces = f"""\
-                const wp::int32 ahead = at[k] + most * {lanes} < members ? at[k] + most * {lanes} : members - 1;
-                const char* force = (const char*)(slot_force.data + grains.slot_start.data[ahead]);
-                __builtin_prefetch(force);
-                __builtin_prefetch(force + 64);
 """
     vec6 = wp.types.vector(6, wp.float64)
     given = gathered("drive", vec6, "clumps.drive.data[0].c", "of", lanes)
@@ -117,27 +95,27 @@ def source(clumps, travel, lanes: int, *, real, walls: bool, leave: bool, driven
         enum {{ LANES = {lanes} }};
 {rows.helpers(wp.float64, lanes)}{law.text}    }};
     const auto& clumps = grains.clumps;
-    const auto& slot_force = grains.slot_force;
-    const auto& wall_load = wall_contacts.load;
-    const wp::int32 members = grains.record.shape[0];
-    typedef {number} stored4 __attribute__((ext_vector_type(4), aligned(sizeof({number})), may_alias));
-    typedef {number} stored2 __attribute__((ext_vector_type(2), aligned(sizeof({number})), may_alias));
-    typedef double given4 __attribute__((ext_vector_type(4), aligned(sizeof(double)), may_alias));
-    typedef double given2 __attribute__((ext_vector_type(2), aligned(sizeof(double)), may_alias));
-    typedef double sum4 __attribute__((ext_vector_type(4)));
-    typedef double sum2 __attribute__((ext_vector_type(2)));
+    typedef wp::int32 whole __attribute__((ext_vector_type({lanes})));
+    const {number} no_force[8] = {{}};
+    const double no_load[6] = {{}};
 {same("step", Row, "step_row.c")}    bool strayed = {"false" if check else "true"};
     for (wp::int32 c = begin; c < end;) {{
-        wp::int32 of[{lanes}], first[{lanes}], count[{lanes}], most = 0, lane = 0;
+        wp::int32 of[{lanes}], most = 0, lane = 0;
         for (; lane < {lanes} && c < end; ++c)
             if ({there}) of[lane++] = c;
         if (lane == 0) break;
         for (; lane < {lanes}; ++lane) of[lane] = of[lane - 1];
+        whole first, last, shape;  // member of each clump, the first by its slot, the last by its number
+        bool alike = true;
         for (int k = 0; k < {lanes}; ++k) {{
             first[k] = clumps.first.data[of[k]];
-            count[k] = clumps.count.data[of[k]];
-            most = most < count[k] ? count[k] : most;
+            shape[k] = clumps.shape.data[of[k]];
+            alike &= shape[k] == shape[0];
+            const wp::int32 count = clumps.count.data[of[k]];
+            last[k] = count - 1;
+            most = most < count ? count : most;
         }}
+        const wp::int32 span = first[{lanes - 1}] + last[{lanes - 1}] + 1 - first[0];
 {gathered("before", Record, "clumps.record.data[0].c", "of", lanes)}\
 {gathered("turn", wp.vec4d, "clumps.turn.data[0].c", "of", lanes)}\
 {gathered("rate", wp.vec4d, "clumps.rate.data[0].c", "of", lanes)}\
@@ -152,13 +130,8 @@ def source(clumps, travel, lanes: int, *, real, walls: bool, leave: bool, driven
         }}
         const auto body = batch::{body_of}(state, o.r1, o.r2, rate, f64(dt));
         for (wp::int32 n = 0; n < most; ++n) {{
-            wp::int32 at[{lanes}];
-            for (int k = 0; k < {lanes}; ++k) {{
-                at[k] = first[k] + (n < count[k] ? n : count[k] - 1);
-{"" if driven else next_forces}\
-            }}
-{gathered("arm", wp.vec4d, "clumps.arm.data[0].c", "at", lanes)}\
-            const auto w = batch::{member_of}(body, arm, f64(dt));
+{members}{"" if driven else next_forces}\
+{arm}            const auto w = batch::{member_of}(body, arm, f64(dt));
 {rows.write(wp.float64, lanes, "batch", member_out)}{check}\
         }}
     }}

@@ -226,7 +226,8 @@ def build(structs, WallContacts, load, acceleration, integrator, motion):
         motion: of ``build_motion``.
     """
     g = grain.build(True)
-    Clumps = clump_arrays.build(True).Clumps
+    arrays = clump_arrays.build(True)
+    Clumps, arm_of = arrays.Clumps, arrays.arm_of
     _, reading_of_record = integrator
     Grains, PairForce = structs.Grains, structs.PairForce
 
@@ -241,7 +242,7 @@ def build(structs, WallContacts, load, acceleration, integrator, motion):
         first = clumps.first[c]
         for m in range(first, first + clumps.count[c]):
             one = load(m, slot_start, slot_force, wall_contacts.candidates, wall_contacts.load)
-            total = with_member(total, axes, clumps.arm[m], one)
+            total = with_member(total, axes, arm_of(c, m, clumps), one)
         return total
 
     @wp.func
@@ -267,10 +268,10 @@ def build(structs, WallContacts, load, acceleration, integrator, motion):
         return Reading(v[0], v[1], v[2], w[0], w[1], w[2], momentum[0], momentum[1], momentum[2])
 
     @wp.func
-    def member_motion(m: int, axes: wp.mat33d, motion: Reading, clumps: Clumps):
-        """Velocity and spin of member ``m`` of a clump that moves like that."""
+    def member_motion(c: int, m: int, axes: wp.mat33d, motion: Reading, clumps: Clumps):
+        """Velocity and spin of member ``m`` of clump ``c``, which moves like that."""
         w = wp.vec3d(motion[3], motion[4], motion[5])
-        return wp.vec3d(motion[0], motion[1], motion[2]) + wp.cross(w, axes * place_of(clumps.arm[m])), w
+        return wp.vec3d(motion[0], motion[1], motion[2]) + wp.cross(w, axes * place_of(arm_of(c, m, clumps))), w
 
     @wp.func
     def advance(c: int, grains: Grains, row: Row, dt: wp.float64) -> wp.vec3d:
@@ -289,7 +290,7 @@ def build(structs, WallContacts, load, acceleration, integrator, motion):
         body = motion.body_of(clumps.record[c], clumps.turn[c], clumps.rotation[c], clumps.rate[c], dt)
         first = clumps.first[c]
         for m in range(first, first + clumps.count[c]):
-            record, response = motion.member_of(body, clumps.arm[m], dt)
+            record, response = motion.member_of(body, arm_of(c, m, clumps), dt)
             grains.record[m] = record
             inv = grains.inverse[m]
             for k in range(6):

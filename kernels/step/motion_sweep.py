@@ -39,10 +39,10 @@ def build_moved(drift, border, *, spins: bool):
     return moved
 
 
-def _loads(real, lanes: int, *, spins: bool, walls: bool) -> str:
-    """C++ of ``total``: the load on each grain, as of ``motion.build_load``.
+def loads(name: str, real, lanes: int, *, spins: bool, walls: bool, slots: int) -> str:
+    """C++ of the vector ``name``: the load on each of the grains ``at[k]``, as of ``motion.build_load``.
 
-    A processor cannot foresee how many force slots a grain has. So the first ``SLOTS`` are added without a branch, a row of
+    A processor cannot foresee how many force slots a grain has. So the first ``slots`` are added without a branch, a row of
     zeros in place of those that it has not: a sum that begins with 0 is never -0, and adding 0 changes none of its bits. A
     row is read in one register, with some of the next row's numbers behind its own; the last slot belongs to no grain.
     """
@@ -59,31 +59,32 @@ def _loads(real, lanes: int, *, spins: bool, walls: bool) -> str:
         at_walls = f"""\
             const double* wall = wall_contacts.candidates.data[at[k]] > 0 ? wall_contacts.load.data[at[k]].c : no_load;
             sum beside = 0.0;
-{at_walls}            load[k] += beside;
+{at_walls}            sums[k] += beside;
 """
     for first in range(0, width, lanes):
         picked = ", ".join(str(n) if n < width else "-1" for n in range(first, first + lanes))
-        squares += f"        for (int k = 0; k < {lanes}; ++k) r[k] = __builtin_shufflevector(load[k], load[k], {picked});\n"
+        squares += f"        for (int k = 0; k < {lanes}; ++k) r[k] = __builtin_shufflevector(sums[k], sums[k], {picked});\n"
         squares += "        batch::transpose(r);\n"
-        squares += "".join(f"        total.c[{f}] = r[{f - first}];\n" for f in range(first, min(first + lanes, width)))
+        squares += "".join(f"        {name}.c[{f}] = r[{f - first}];\n" for f in range(first, min(first + lanes, width)))
     return f"""\
     typedef {number} stored __attribute__((ext_vector_type({whole}), aligned(sizeof({number})), may_alias));
     typedef double sum __attribute__((ext_vector_type({whole})));
-{types}        sum load[{lanes}];
+{types}        sum sums[{lanes}];
         f64 r[{lanes}];
-        wp::vec_t<6, f64> total;
+        wp::vec_t<6, f64> {name};
+        #pragma unroll
         for (int k = 0; k < {lanes}; ++k) {{
             const wp::int32* slot = grains.slot_start.data + at[k];
             const {number}* force = grains.slot_force.data[slot[0]].c;
             const wp::int32 count = slot[1] - slot[0];
-            load[k] = 0.0;
+            sums[k] = 0.0;
             #pragma unroll
-            for (int e = 0; e < {SLOTS}; ++e) {{
+            for (int e = 0; e < {slots}; ++e) {{
                 const {number}* one = e < count ? force + e * {width} : no_force;
-                load[k] += __builtin_convertvector(*(const stored*)one, sum);
+                sums[k] += __builtin_convertvector(*(const stored*)one, sum);
             }}
-            for (wp::int32 e = {SLOTS}; e < count; ++e)
-                load[k] += __builtin_convertvector(*(const stored*)(force + e * {width}), sum);
+            for (wp::int32 e = {slots}; e < count; ++e)
+                sums[k] += __builtin_convertvector(*(const stored*)(force + e * {width}), sum);
 {at_walls}        }}
 {squares}"""
 
@@ -96,15 +97,21 @@ def strayed(distance: str, record: str, lanes: int) -> str:
         record: of the grains, in registers.
         lanes: how many grains.
     """
+    one = f"for (int k = 0; k < {lanes}; ++k) for (int f = 0; f < 3; ++f) from[f][k] = reference[3ll * at[k] + f];"
+    several = {4: "batch::read(reference, 3, at, from);", 8: "batch::read_half(reference, 3, at, from);"}.get(lanes, one)
     return f"""\
-        wp::vec_t<3, f64> place, from;
-        f64 allowed;
-        for (int k = 0; k < {lanes}; ++k) {{
-            allowed[k] = inner_share * grains.allowance.data[at[k]];
-            for (int f = 0; f < 3; ++f) from.c[f][k] = wp::address(grains.reference, at[k], 0)->c[f];
+        const double* const reference = grains.reference.data->c;
+        f64 from[4], allowed;
+        if (at[{lanes - 1}] + 1 < grains.record.shape[0]) {{  // a number of the next row is read as well
+            {several}
+        }} else {{
+            {one}
         }}
-        for (int f = 0; f < 3; ++f) place.c[f] = {record}.c[f];
-        const f64 square = batch::{distance}(place, from);
+        wp::vec_t<3, f64> place, before;
+        for (int f = 0; f < 3; ++f) {{ place.c[f] = {record}.c[f]; before.c[f] = from[f]; }}
+        for (int k = 0; k < {lanes}; ++k) allowed[k] = grains.allowance.data[at[k]];
+        allowed *= inner_share;
+        const f64 square = batch::{distance}(place, before);
         strayed |= __builtin_reduce_or(~(square <= allowed * allowed)) != 0;
 """
 
@@ -132,7 +139,7 @@ def source(moved, travel, lanes: int, *, real, spins: bool, walls: bool, leave: 
         for (; lane < {lanes} && i < end; ++i) {there}at[lane++] = i;
         if (lane == 0) break;
         for (; lane < {lanes}; ++lane) at[lane] = at[lane - 1];
-{_loads(real, lanes, spins=spins, walls=walls)}\
+{loads("total", real, lanes, spins=spins, walls=walls, slots=SLOTS)}\
 {gathered("state", Record, "grains.record.data[0].c", "at", lanes)}\
 {gathered("inverse", wp.vec2d, "grains.inverse.data[0].c", "at", lanes)}\
         const auto o = batch::{step}(state, total, inverse, step, f64(dt));

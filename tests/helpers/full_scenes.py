@@ -248,7 +248,7 @@ def plant(folder: Path) -> Scene:
             },
             "observers": [{"name": "v", "model": "speed", "axes": "frame"}],
             "time": {"end": 1.0, "accuracy": "impact", "max_speed": 1 / 3},
-            "output": {"interval": 0.1, "wall_loads": False, "picture": False, "checkpoint_interval": 0.2,
+            "output": {"interval": 0.1, "wall_loads": False, "picture": False, "pieces": "one", "checkpoint_interval": 0.2,
                        "checkpoint_wall_time": 3},
             "engine": {"max_overlap": 1 / 3},
         },

@@ -1,6 +1,6 @@
 """``warpdem`` over ranks of which one fails: ``mpiexec -n N python rank_failures.py HOW RANK run SCENE ...``.
 
-When it makes lists for the second time, by HOW: "disk", none of its files grows any more; "bug" or "memory", an error.
+When it makes lists for the second time, by HOW: "disk", none of its files grows any more; "bug", "memory" or "list", an error.
 """
 
 import resource
@@ -9,9 +9,13 @@ import sys
 from mpi4py import MPI
 
 from warpdem.__main__ import main
+from warpdem.errors import StabilityError
 from warpdem.ranks.rank import Rank
 
-ERRORS = {"bug": ZeroDivisionError("a bug on one rank"), "memory": MemoryError("no more on one rank")}
+ERRORS = {
+    "bug": ZeroDivisionError("a bug on one rank"), "memory": MemoryError("no more on one rank"),
+    "list": StabilityError("too long a list on one rank"),
+}  # fmt: skip
 
 
 def fail(how: str) -> None:

@@ -1,9 +1,9 @@
-"""Runs scenes of ``rank_scenes`` over ranks: ``mpiexec -n N python rank_program.py FOLDER NAME-SIZE,NAME-SIZE [resident]``.
+"""Runs scenes of ``rank_scenes`` over ranks: ``mpiexec -n N python rank_program.py FOLDER NAME-SIZE,NAME-SIZE [HOW ...]``.
 
 Of the N processes SIZE share the scene NAME; results go to FOLDER/NAME-SIZE. With a SIZE of 2+3 two of them share the first
 half, and three resume it; 1 is a run without ranks. Cuts are moved at random at every outer list, so that many grains
-change hands; every second exchange, at random, begins when it should have ended. ``resident``: ranks step by graphs, as on
-GPUs.
+change hands; every second exchange, at random, begins when it should have ended. HOW ``resident``: ranks step by graphs, as
+on GPUs; ``pieces``: each writes its own pieces of the frames.
 """
 
 import sys
@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 from mpi4py import MPI
 
-from rank_scenes import SCENES
+from rank_scenes import SCENES, in_pieces
 from warpdem.app.phases import run
 from warpdem.assembly import parts
 from warpdem.ranks import rank
@@ -51,6 +51,8 @@ def main() -> None:
     for task in sys.argv[2].split(","):
         name, sizes = task.split("-")
         scene, each = SCENES[name](), list(map(int, sizes.split("+")))
+        if "pieces" in sys.argv[3:]:
+            scene = in_pieces(scene, "ranks")
         for part, size in enumerate(each):
             here = MPI.COMM_WORLD.rank < size
             some = MPI.COMM_WORLD.Split(int(here))

@@ -207,3 +207,9 @@ def soaked() -> Scene:
 
 ALL = stirred, sizes, few, poured, drained, milled, belted, pressed, held, phased, clumped, soaked
 SCENES = {one.__name__: one for one in ALL}
+
+
+def in_pieces(scene: Scene, pieces: str) -> Scene:
+    """The scene with frames in all formats, in pieces or in one."""
+    output = scene.output.model_copy(update={"formats": ["vtk", "vtkhdf", "usd"], "pieces": pieces})
+    return scene.model_copy(update={"output": output})

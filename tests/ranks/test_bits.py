@@ -21,8 +21,10 @@ TASKS = [("stirred", "4"), ("sizes", "3"), ("few", "3"), ("poured", "2+3"), ("dr
 OTHERS = [(name, size) for name in SCENES for size in ("2", "3", "4") if (name, size) not in TASKS]
 OTHERS += [("clumped", "2+4"), ("soaked", "4+2")]
 OTHERS += [("drained", f"{first}+{second}") for first in (1, 2, 3, 4) for second in (1, 2, 3, 4)]
+BY_CHANCE = ("few", "2")
+"""Three grains on two ranks, of which the draw of the cuts may move none."""
 GRAPHS = [("stirred", "2"), ("poured", "2")]
-OTHER_GRAPHS = [(name, size) for name in SCENES for size in ("2", "3") if (name, size) not in (*GRAPHS, ("few", "2"))]
+OTHER_GRAPHS = [(name, size) for name in SCENES for size in ("2", "3") if (name, size) not in (*GRAPHS, BY_CHANCE)]
 FEW = {"few": 4, "held": 2}
 """Least number of grains that go to another rank where there are few."""
 
@@ -90,7 +92,8 @@ def compare(folder: Path, name: str, size: str) -> None:
         return
     assert len(ranks) == int(size[-1])
     assert sum(rank["grains"] for rank in ranks) == shared["grains"]
-    assert sum(rank["migrated"] for rank in ranks) >= (FEW.get(name, 50) if "+" not in size else 1)
+    if (name, size) != BY_CHANCE:
+        assert sum(rank["migrated"] for rank in ranks) >= (FEW.get(name, 50) if "+" not in size else 1)
     assert sum(rank["bytes"] for rank in ranks) > 0
 
 

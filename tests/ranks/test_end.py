@@ -65,11 +65,26 @@ def test_an_error_is_told_once_and_ends_all(tmp_path):
     assert said[0] == said[1]
 
 
+def test_a_rank_that_cannot_write_its_piece_ends_all(tmp_path):
+    """With the one message of a run whose output cannot be written, which names the file."""
+    (tmp_path / "scene.toml").write_text(SCENE.replace("END", "100"))
+    hindered = tmp_path / "out" / "result_vtk" / "grains_000000_1.vtp"
+    hindered.mkdir(parents=True)
+    run = [*command(tmp_path, 2), "--set", 'output.pieces="ranks"']
+    done = subprocess.run(run, env=environment(), capture_output=True, text=True, timeout=200)
+    assert done.returncode == 3
+    assert done.stderr.count("error:") == 1
+    assert f"{hindered}: cannot be written" in done.stderr
+    assert json.loads((tmp_path / "out" / "run.json").read_text())["status"] == "output cannot be written"
+
+
 @pytest.mark.parametrize(
     ("how", "rank", "code", "said"),
     [
         ("disk", 0, 3, "File too large"),
         ("bug", 1, 1, "ZeroDivisionError: a bug on one rank"),
+        ("list", 0, 3, "error: rank 0: too long a list on one rank"),
+        ("list", 1, 3, "error: rank 1: too long a list on one rank"),
         pytest.param("bug", 0, 1, "ZeroDivisionError('a bug on one rank')", marks=pytest.mark.slow),
         pytest.param("memory", 1, 3, "out of memory (no more on one rank)", marks=pytest.mark.slow),
     ],

@@ -8,14 +8,18 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+import warp as wp
+from warpdem.kernels import grain
 
 from warpdem import Scene, Simulation
+from warpdem.engine.host_build import morton_order
 from warpdem.errors import SceneError
 from warpdem.model.decisions import Decisions
 from warpdem.model.prepare import without_grains
 from warpdem.ranks import estimate, halo, launcher
 from warpdem.ranks.cuts import Cuts
 from warpdem.ranks.portion import Portion, with_ghosts
+from warpdem.ranks.rank import Rank
 
 TRANSFER = Path(__file__).parents[1] / "helpers" / "rank_transfer.py"
 
@@ -116,6 +120,46 @@ def test_ghosts_stand_behind_own_grains(rng):
     among = mine.among(mine.grains["id"])
     assert np.isin(among["pair"], mine.grains["id"]).all()
     assert len(among["pair"]) < len(mine.pairs["pair"])
+
+
+@pytest.mark.parametrize("clumps", [False, True])
+def test_grains_that_others_see_stand_last(rng, clumps):
+    """Those before them are evaluated while ghosts are under way; both in the order of space, clumps whole."""
+    n, radius, gap, skin = 300, 0.05, 0.01, 0.02
+    position = rng.uniform(size=(n, 3))
+    record = np.zeros((n, grain.WIDTH[True]))
+    record[:, grain.POSITION], record[:, grain.RADIUS] = position, radius
+    table = {"record": record, "inverse": np.zeros((n, 2)), "id": np.arange(n) * 2, "material": np.zeros(n, dtype=np.int32)}
+    mine = Portion(table, {}, {})
+    body = np.arange(n)
+    if clumps:
+        body[1::3] -= 1  # of every three one is alone
+        mine.grains["clump"] = np.where(np.arange(n) % 3 < 2, table["id"][body], -1)
+        mine.clumps = {"id": table["id"][np.arange(0, n, 3)]}
+    others = [np.array([[1.0 + radius, 0.3, 0.3]]), np.array([[0.2, -radius, 0.2], [0.8, -radius, 0.8]])]
+    boxes = [halo.boxes(there, np.full(len(there), radius)) for there in others]
+    given = {}
+
+    def swapped(out):
+        given.update(enumerate(out))
+        return [None] * 3
+
+    world = SimpleNamespace(rank=0, size=3, everyone=lambda own: [own, *boxes], swapped=swapped)
+    features = SimpleNamespace(contact=SimpleNamespace(gap=gap))
+    model = SimpleNamespace(features=features, domain=SimpleNamespace(period=np.zeros(3)), device=wp.get_device("cpu"))
+    rank = SimpleNamespace(world=world, _model=model, lists=SimpleNamespace(skin=skin))
+    order, sends, _, _, _ = Rank._with_ghosts(rank, mine)
+    seen = np.zeros(n, dtype=bool)
+    for number, slots in sends.items():
+        assert np.array_equal(given[number]["id"], table["id"][order[slots]])
+        seen[order[slots]] = True
+    assert sends.keys() == {1, 2} and 0 < seen.sum() < n / 2
+    last = np.isin(body, body[seen])[order]
+    assert clumps == (last.sum() > seen.sum())
+    assert last[-last.sum() :].all()
+    inside = morton_order(mine.places, 2 * radius + gap + skin, model.device)
+    for part in (last, ~last):
+        assert np.array_equal(order[part], inside[np.isin(inside, order[part])])
 
 
 def test_what_is_sent_to_all_ranks_does_not_grow_with_the_grains():

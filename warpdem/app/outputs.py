@@ -4,6 +4,7 @@ from pathlib import Path
 
 import numpy as np
 
+from warpdem.app.frame_pieces import Pieces, in_pieces
 from warpdem.core.output_schedule import OutputSchedule
 from warpdem.core.run_lock import RunLock
 from warpdem.measure import observation
@@ -35,7 +36,10 @@ class Outputs:
         self.sim, self.folder, self.claim = sim, folder, claim
         walls = sim.wall_meshes()
         formats = sim.scene.output.formats
-        self.writers: list[FrameWriter] = [writer_of(name, folder, walls, sim.scene, resume=resume) for name in formats]
+        pieces = in_pieces(sim)
+        of_formats = [writer_of(name, folder, walls, sim.scene, resume, pieces) for name in formats]
+        self.pieces = Pieces(sim, folder, resume, of_formats) if pieces and formats else None
+        self.writers: list[FrameWriter] = [] if pieces else [*of_formats]
         grid = sim.scene.measures.grid
         self.writers += [GridWriter(folder, grid, sim.domain.period, resume=resume)] if grid is not None else []
         self.background = Background()
@@ -68,7 +72,10 @@ class Outputs:
                 return
             output, self.staging = self.sim.scene.output, self.staging[::-1]
             measures = self.sim.scene.measures
-            network = frame and (output.contacts or measures.grid is not None)
+            if frame and self.pieces is not None:
+                self.background.settle()  # the libraries are called by one thread at a time
+                self.pieces.write()
+            network = frame and bool(self.writers) and (output.contacts or measures.grid is not None)
             network |= row and bool(measures.regions or measures.profiles)
             # by kernels and the threads of the run, which no other thread may launch
             observed = observation.observed(view) if row else {}
@@ -82,7 +89,9 @@ class Outputs:
             if totals is not None:
                 self._append(history_row(self.columns, Readings(view, observed, totals)))
                 self.turning.add(view)
-            if frame:
+            if frame and self.pieces is not None:
+                self.pieces.join(view)
+            if frame and self.writers:
                 snapshot = take_snapshot(view)
                 for writer in self.writers:
                     writer.write(snapshot)
@@ -116,4 +125,6 @@ class Outputs:
         finally:
             for writer in self.writers:
                 writer.close()
+            if self.pieces is not None:
+                self.pieces.close()
             self.history.close()

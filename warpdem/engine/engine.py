@@ -5,6 +5,7 @@ from collections.abc import Mapping
 import numpy as np
 import warp as wp
 
+from warpdem.core.recorded_launch import RecordedLaunch
 from warpdem.core.threads import Threads
 from warpdem.core.timers import Timers
 from warpdem.engine.batch import Batch
@@ -53,6 +54,7 @@ class Engine:
     ) -> None:  # fmt: skip
         self._model, self._state, self._clock, self._timers = model, state, clock, timers
         self._read: tuple[wp.array, wp.array, wp.array] | None = None
+        self._reading: RecordedLaunch | None = None
         self.executor: CpuExecutor | GraphExecutor
         self.executor = executor_of(model)(model, state, clock, threads)
         self.batch = Batch(model, clock, timers, self.executor.threads, self.executor.steps_ahead)
@@ -66,6 +68,7 @@ class Engine:
         """Let go of the arrays of the lists, before others are made."""
         self.structs.forget()
         self.executor.forget()
+        self._reading = None
 
     def load_kernels(self) -> None:
         """Load the kernels of the steps and the lists, compiled where Warp's cache lacks them; else the first step does."""
@@ -168,7 +171,11 @@ class Engine:
             base, _ = self.batch.row()
             grains, _, wall_contacts = self.structs.arguments()
             inputs = [base, self.batch.model, self.batch.control, grains, wall_contacts, load, velocity, spin]
-            wp.launch(model.kernels.read.read, dim=n, inputs=inputs, device=model.device)
+            if self._reading is None:
+                self._reading = RecordedLaunch(model.kernels.read.read, n, inputs, model.device)
+            else:
+                self._reading.prepare(n, inputs)
+            self._reading.launch()
         return load, velocity, spin
 
     @property

@@ -13,8 +13,13 @@ from warpdem.measure.wall_wear import read_wear
 from warpdem.state.view import RunView
 
 
-def take_snapshot(view: RunView) -> Snapshot:
-    """The snapshot of a run at the time of the view: what its scene writes, and nothing else."""
+def take_snapshot(view: RunView, loads: bool = True) -> Snapshot:
+    """The snapshot of a run at the time of the view: what its scene writes, and nothing else.
+
+    Args:
+        view: the run.
+        loads: with the loads on walls, if the scene writes them: those of the grains in the view.
+    """
     model, clock, p = view.model, view.clock, Particles(view)
     scene = model.scene
     return Snapshot(
@@ -31,7 +36,7 @@ def take_snapshot(view: RunView) -> Snapshot:
         spin=p.spin,
         force=p.force,
         walls=model.schedule.wall_placements(scene, clock.time),
-        loads=_loads(view) if scene.output.wall_loads else {},
+        loads=take_loads(view) if loads else {},
         orientation=p.orientation if scene.output.orientation else None,
         contacts=read_network(view, scene.output.contacts) if scene.output.contacts or scene.measures.grid else None,
         clump=clumps.of_grains(view) if view.state.clumps is not None else None,
@@ -41,8 +46,10 @@ def take_snapshot(view: RunView) -> Snapshot:
     )
 
 
-def _loads(view: RunView) -> dict[str, WallLoad]:
-    """Loads on the walls, in frame axes, with the wear of meshes where the scene asks for it."""
+def take_loads(view: RunView) -> dict[str, WallLoad]:
+    """Loads on the walls, in frame axes, with the wear of meshes where the scene asks for it; none if it leaves them out."""
+    if not view.model.scene.output.wall_loads:
+        return {}
     loads = read_loads(view)
     for name, wear in read_wear(view).items():
         if len(loads[name].pressure):

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 import warp as wp
 
+from warpdem.core.recorded_launch import RecordedLaunch
 from warpdem.core.threads import Threads, ranges
 from warpdem.kernels.measure import readings as kernels
 from warpdem.kernels.measure.exact_sum import WIDTH
@@ -41,7 +42,7 @@ class Reader:
         self._spread = self.rows if device.is_cuda else 1
         self._kept: dict[str, tuple[Any, wp.array]] = {}
         self._values: dict[str, np.ndarray] = {}
-        self._commands: dict[tuple[wp.Kernel, int], tuple[Any, list[Any]]] = {}
+        self._commands: dict[tuple[wp.Kernel, int], RecordedLaunch] = {}
         self._nothing: wp.array = wp.zeros((0, 0), dtype=wp.float64, device=device)
         self.no_slots: wp.array = wp.zeros(0, dtype=wp.int32, device=device)
 
@@ -142,17 +143,10 @@ class Reader:
         self._threads.together([self._command(kernel, row, end - first, inputs(first, row)) for row, (first, end) in parts])
 
     def _command(self, kernel: wp.Kernel, row: int, count: int, inputs: list[Any]) -> Callable[[], None]:
-        """The launch, as recorded when it was last made, or recorded now: that takes several times as long."""
-        found = self._commands.get((kernel, row))
-        if found is None or len(found[1]) != len(inputs) or not all(map(_same, found[1], inputs)):
-            # loads the module, too: that is not safe from several threads
-            command = wp.launch(kernel, count, inputs=inputs, device=self._device, record_cmd=True)
-            found = self._commands[kernel, row] = command, inputs
-        command = found[0]
-        command.set_dim(count)
+        """The launch, recorded at the first call."""
+        command = self._commands.get((kernel, row))
+        if command is None:
+            command = self._commands[kernel, row] = RecordedLaunch(kernel, count, inputs, self._device)
+        else:
+            command.prepare(count, inputs)
         return command.launch
-
-
-def _same(first: Any, second: Any) -> bool:
-    """Whether two arguments of a launch are the same: the same array, or equal numbers."""
-    return first is second or (isinstance(first, int) and isinstance(second, int) and first == second)

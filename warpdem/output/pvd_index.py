@@ -17,12 +17,13 @@ class Entry:
     part: int
     name: str
     file: str
+    group: str
 
 
 def write_index(path: Path, entries: list[Entry]) -> None:
     """Write a PVD file."""
     lines = [
-        f'<DataSet timestep="{entry.time!r}" group="{"walls" if entry.part else entry.name}" part="{entry.part}"'
+        f'<DataSet timestep="{entry.time!r}" group="{entry.group}" part="{entry.part}"'
         f" name={quoteattr(entry.name)} file={quoteattr(entry.file)}/>"
         for entry in entries
     ]
@@ -39,7 +40,7 @@ def read_index(path: Path) -> list[Entry]:
     """
     try:
         return [
-            Entry(float(e.attrib["timestep"]), int(e.attrib["part"]), e.attrib["name"], e.attrib["file"])
+            Entry(float(e.attrib["timestep"]), int(e.attrib["part"]), *(e.attrib[name] for name in ("name", "file", "group")))
             for e in ElementTree.parse(path).iter("DataSet")
         ]
     except (OSError, ElementTree.ParseError, KeyError, ValueError) as error:

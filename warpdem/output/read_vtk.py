@@ -7,10 +7,11 @@ import numpy as np
 
 from warpdem.core.snapshot import Snapshot, WallMesh
 from warpdem.errors import WarpdemError
-from warpdem.output.pvd_index import read_index
+from warpdem.output.pieces import in_rows, joined, joined_grains, order_by_id, order_of_contacts
+from warpdem.output.pvd_index import Entry, read_index
 from warpdem.output.result_arrays import snapshot_of
 from warpdem.output.vtk_files import load_polydata, points_of
-from warpdem.output.write_vtk import CLUMP_INDEX, CONTACT_INDEX, INDEX
+from warpdem.output.write_vtk import CLUMP_INDEX, CONTACT_INDEX, INDEX, WALLS
 
 
 @dataclass(frozen=True)
@@ -21,30 +22,36 @@ class Results:
     times: np.ndarray
     """Time of each frame [s], shape (frame_count,), ascending."""
     files: list[dict[str, Path]]
-    """For each frame the wall files by wall name, and the grain file under ``""``."""
-    clump_files: dict[float, Path] = field(default_factory=dict)
-    """File of the clumps by time [s]; empty without any."""
-    contact_files: dict[float, Path] = field(default_factory=dict)
-    """File of the contact network by time [s]; empty without any."""
+    """For each frame the wall files by wall name."""
+    grain_files: list[list[Path]]
+    """For each frame the file of the grains, or the pieces of the ranks."""
+    clump_files: dict[float, list[Path]] = field(default_factory=dict)
+    """Files of the clumps by time [s], as those of the grains; empty without any."""
+    contact_files: dict[float, list[Path]] = field(default_factory=dict)
+    """Files of the contact network by time [s], as those of the grains; empty without any."""
 
     def frame(self, k: int) -> Snapshot:
         """Snapshot of frame ``k``; its ``walls`` is empty, since wall files hold vertices that are in place already."""
-        return read_frame(self.files[k][""])
+        return joined_grains([read_frame(path) for path in self.grain_files[k]])
 
     def walls(self, k: int) -> list[WallMesh]:
         """Mesh walls at frame ``k``, vertices in frame axes."""
-        return [read_wall(name, path) for name, path in self.files[k].items() if name]
+        return [read_wall(name, path) for name, path in self.files[k].items()]
 
     def fields(self, k: int, wall: str = "") -> dict[str, np.ndarray]:
         """Arrays of the grains at frame ``k``, or those of the triangles of a wall, by name; vectors in frame axes."""
-        return read_fields(self.files[k][wall])
+        if wall:
+            return read_fields(self.files[k][wall])
+        fields = joined([read_fields(path) for path in self.grain_files[k]])
+        return in_rows(fields, order_by_id(fields["id"])) if "id" in fields else fields
 
     def clumps(self, k: int) -> dict[str, np.ndarray]:
         """Arrays of the clumps at frame ``k`` by name, with their centres as ``position``, (c, 3) [m]; empty without clumps."""
         if float(self.times[k]) not in self.clump_files:
             return {}
-        path = self.clump_files[float(self.times[k])]
-        return {**read_fields(path), "position": points_of(load_polydata(path))}
+        paths = self.clump_files[float(self.times[k])]
+        clumps = joined([{**read_fields(path), "position": points_of(load_polydata(path))} for path in paths])
+        return in_rows(clumps, order_by_id(clumps["id"]))
 
     @property
     def has_contacts(self) -> bool:
@@ -56,8 +63,11 @@ class Results:
         time = float(self.times[k])
         if time not in self.contact_files:
             raise WarpdemError(f"{self.folder}: {CONTACT_INDEX} has no contacts at {time:g} s")
-        path = self.contact_files[time]
-        return {**read_fields(path), "points": points_of(load_polydata(path)).reshape(-1, 2, 3)}
+        paths = self.contact_files[time]
+        contacts = joined(
+            [{**read_fields(path), "points": points_of(load_polydata(path)).reshape(-1, 2, 3)} for path in paths]
+        )
+        return in_rows(contacts, order_of_contacts(contacts) if len(paths) > 1 else None)
 
 
 def read_results(folder: Path) -> Results:
@@ -70,17 +80,30 @@ def read_results(folder: Path) -> Results:
     index = folder / INDEX
     if not index.exists():
         raise WarpdemError(f'{folder}: no {INDEX} in this folder; run a scene with "vtk" among its output formats')
-    frames: dict[float, dict[str, Path]] = {}
-    for entry in read_index(index):
-        frames.setdefault(entry.time, {})[entry.name if entry.part else ""] = folder / entry.file
-    if not frames:
+    entries = read_index(index)
+    grains = _by_time([entry for entry in entries if entry.group != WALLS], folder)
+    if not grains:
         raise WarpdemError(f"{index}: holds no frame")
-    times = sorted(frames)
+    walls: dict[float, dict[str, Path]] = {time: {} for time in grains}
+    for entry in entries:
+        if entry.group == WALLS and entry.time in walls:
+            walls[entry.time][entry.name] = folder / entry.file
+    times = sorted(grains)
     clumps, contacts = (
-        {entry.time: folder / entry.file for entry in read_index(beside)} if beside.exists() else {}
+        _by_time(read_index(beside), folder) if beside.exists() else {}
         for beside in (folder / CLUMP_INDEX, folder / CONTACT_INDEX)
     )
-    return Results(folder, np.array(times), [frames[time] for time in times], clumps, contacts)
+    return Results(
+        folder, np.array(times), [walls[time] for time in times], [grains[time] for time in times], clumps, contacts
+    )
+
+
+def _by_time(entries: list[Entry], folder: Path) -> dict[float, list[Path]]:
+    """The files of each time."""
+    found: dict[float, list[Path]] = {}
+    for entry in entries:
+        found.setdefault(entry.time, []).append(folder / entry.file)
+    return found
 
 
 def read_frame(path: Path) -> Snapshot:

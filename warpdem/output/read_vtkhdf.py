@@ -2,7 +2,7 @@
 
 import json
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TypeVar
 
@@ -12,7 +12,9 @@ import numpy as np
 from warpdem.core.journaled_file import repair
 from warpdem.core.snapshot import Snapshot, WallMesh
 from warpdem.errors import WarpdemError
+from warpdem.output.pieces import in_rows, order_by_id, order_of_contacts
 from warpdem.output.result_arrays import snapshot_of
+from warpdem.output.vtkhdf_joined import PIECES as PARTS
 from warpdem.output.vtkhdf_series import TOPOLOGIES
 from warpdem.output.write_vtkhdf import CLUMPS, CONTACTS, GRAINS, WALLS
 
@@ -43,7 +45,7 @@ class VtkhdfResults:
 
     def frame(self, k: int) -> Snapshot:
         """Snapshot of frame ``k``; its ``walls`` is empty, since the walls' vertices are in place already."""
-        data = self._read(GRAINS, lambda root: _frame(root, k))
+        data = self._read(GRAINS, lambda root: _by_id(_frame(root, k)))
         return snapshot_of(self.folder / GRAINS, data.points, data.point_data, data.field_data)
 
     def walls(self, k: int) -> list[WallMesh]:
@@ -55,14 +57,14 @@ class VtkhdfResults:
     def fields(self, k: int, wall: str = "") -> dict[str, np.ndarray]:
         """Arrays of the grains at frame ``k``, or those of the triangles of a wall, by name; vectors in frame axes."""
         if not wall:
-            return self._read(GRAINS, lambda root: _frame(root, k)).point_data
+            return self._read(GRAINS, lambda root: _by_id(_frame(root, k))).point_data
         return self._read(WALLS, lambda root: _of_wall(root, _frame(root, k), wall))
 
     def clumps(self, k: int) -> dict[str, np.ndarray]:
         """Arrays of the clumps at frame ``k`` by name, with their centres as ``position``, (c, 3) [m]; empty without clumps."""
         if not (self.folder / CLUMPS).exists():
             return {}
-        data = self._read(CLUMPS, lambda root: _frame(root, k))
+        data = self._read(CLUMPS, lambda root: _by_id(_frame(root, k)))
         return {**data.point_data, "position": data.points}
 
     @property
@@ -72,8 +74,9 @@ class VtkhdfResults:
 
     def contacts(self, k: int) -> dict[str, np.ndarray]:
         """Arrays of the contact network at frame ``k`` by name, with the two ends of each line as ``points``, (c, 2, 3) [m]."""
-        data = self._read(CONTACTS, lambda root: _frame(root, k))
-        return {**data.cell_data, "points": data.points.reshape(-1, 2, 3)}
+        data, in_pieces = self._read(CONTACTS, lambda root: (_frame(root, k), PARTS in root.parent))
+        contacts = {**data.cell_data, "points": data.points.reshape(-1, 2, 3)}
+        return in_rows(contacts, order_of_contacts(contacts) if in_pieces else None)
 
     def _read(self, name: str, what: Callable[[h5py.Group], T]) -> T:
         return _opened(self.folder / name, what)
@@ -101,9 +104,31 @@ def _opened(path: Path, what: Callable[[h5py.Group], T]) -> T:
     try:
         repair(path)
         with h5py.File(path, "r", locking=False) as file:
+            _require_pieces(file, path)
             return what(file["VTKHDF"])
     except (OSError, KeyError, ValueError, TypeError, AttributeError, IndexError, RuntimeError, MemoryError) as error:
         raise WarpdemError(f"{path}: cannot be read as a VTKHDF file ({error})") from error
+
+
+def _require_pieces(file: h5py.File, path: Path) -> None:
+    """Refuse a file whose pieces are not beside it: HDF5 would read zeros.
+
+    Raises:
+        WarpdemError: One is missing.
+    """
+    points = file["VTKHDF/Points"]
+    for source in {source.file_name for source in points.virtual_sources()} if points.is_virtual else ():
+        if not (path.parent / source).is_file():
+            raise WarpdemError(f"{path}: its piece {source} is not beside it; keep the folder whole")
+        repair(path.parent / source)
+
+
+def _by_id(frame: Frame) -> Frame:
+    """The same, grains or clumps in order of id: those of several ranks are one rank after the other."""
+    order = order_by_id(frame.point_data.get("id", np.zeros(0)))
+    if order is None:
+        return frame
+    return replace(frame, points=frame.points[order], point_data=in_rows(frame.point_data, order))
 
 
 def _frame(root: h5py.Group, k: int) -> Frame:

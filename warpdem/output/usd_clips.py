@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from warpdem.core.snapshot import Snapshot
 from warpdem.scene.write_usd import export, set_units
 
 if TYPE_CHECKING:
@@ -20,14 +21,15 @@ class ValueClips:
     """Frames of some attributes in files, some frames each, that the root layer plays as one set of value clips."""
 
     def __init__(
-        self, folder: Path, name: str, file: str, types: dict[str, str], rate: float, frames: int, overlap: bool
+        self, folder: Path, name: str, file: str, manifest: str, types: dict[str, str], rate: float, frames: int, overlap: bool
     ) -> None:
         """Write the manifest.
 
         Args:
-            folder: Folder of the root layer.
+            folder: Folder of the layer that plays them.
             name: Name of the set.
-            file: Name of its files, and of its manifest.
+            file: Its files from there without number and suffix, ``./result_usd/chunk``.
+            manifest: Its manifest likewise.
             types: Type of each attribute, by path.
             rate: Time codes in one second [1/s].
             frames: Most frames in one file; fewer when they are large.
@@ -40,7 +42,7 @@ class ValueClips:
         self._layer: Sdf.Layer | None = None
         self._codes = 0
         self._last: tuple[float, dict[str, object]] | None = None
-        self._manifest = f"./{PARTS}/{'manifest' if file == 'chunk' else file}.usda"
+        self._manifest = f"{manifest}.usda"
         export(self._new_layer(".usda"), folder / self._manifest)
 
     def add(self, code: float, samples: dict[str, object], size: float) -> None:
@@ -51,10 +53,15 @@ class ValueClips:
             if self._overlap and self._last is not None:
                 begin, earlier = self._last
                 self._set(self._layer, begin, earlier)
-            self.clips.append((begin, f"./{PARTS}/{self._file}_{len(self.clips):04d}.usdc"))
+            self.clips.append((begin, f"{self._file}_{len(self.clips):04d}.usdc"))
         self._set(self._layer, code, samples)
         export(self._layer, self._folder / self.clips[-1][1])
         self._last = (code, samples)
+
+    def keep(self, played: dict[str, Any], code: float) -> None:
+        """Take over the files of an earlier run for times before ``code``; ``played``: metadata of the sets of a prim."""
+        files = [asset.path for asset in played[self.name]["assetPaths"]]
+        self.clips = [(t, files[int(k)]) for t, k in played[self.name]["active"] if t < code]
 
     def described(self, prim: str) -> dict[str, object]:
         """Metadata of the set for one prim."""
@@ -83,6 +90,11 @@ class ValueClips:
             prim = Sdf.CreatePrimInLayer(layer, Sdf.Path(path).GetPrimPath())
             Sdf.AttributeSpec(prim, Sdf.Path(path).name, Sdf.ValueTypeNames.Find(kind))
         return layer
+
+
+def time_code(snapshot: Snapshot, rate: float) -> float:
+    """Time code of a frame, ``rate`` in one second, without the last digits of step x dt (300, not 300.00000000000006)."""
+    return round(float(snapshot.time) * rate, 6)
 
 
 def bytes_of(value: Any) -> int:

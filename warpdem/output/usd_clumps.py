@@ -157,11 +157,10 @@ def prototypes_layer(templates: list[ClumpTemplate]) -> Sdf.Layer:
     return layer
 
 
-def describe_clumps(layer: Sdf.Layer, clumps: list[str], groups: list[str], materials: list[str]) -> None:
+def describe_clumps(prim: Sdf.PrimSpec, clumps: list[str], groups: list[str], materials: list[str]) -> None:
     """Say what the numbers of the state stand for: names of clumps and groups, and prims of materials."""
     from pxr import Sdf, Vt
 
-    prim = layer.GetPrimAtPath(CLUMPS)
     for name, values in (("dem:clumps", clumps), ("dem:groups", groups)):
         listed = Sdf.AttributeSpec(prim, name, Sdf.ValueTypeNames.StringArray, Sdf.VariabilityUniform)
         listed.default = Vt.StringArray(values)

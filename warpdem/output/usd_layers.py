@@ -23,17 +23,52 @@ _GLASS = (0.70, 0.78, 0.85)
 PLACEMENT_OPS = ("xformOp:translate", "xformOp:orient")
 
 
-def root_layer(frame: FramePose, wall_paths: list[str], rate: float, templates: list[ClumpTemplate]) -> Sdf.Layer:
-    """Root layer without frames: units, prims, transform ops, clumps."""
-    from pxr import Gf, Sdf, Usd, UsdGeom, Vt
+def root_layer(
+    frame: FramePose, wall_paths: list[str], rate: float, templates: list[ClumpTemplate] | None
+) -> Sdf.Layer:
+    """Root layer without frames: units, prims, transform ops, grains and clumps, or with None as ``templates`` neither."""
+    from pxr import Usd, UsdGeom
 
-    layer = Sdf.Layer.CreateAnonymous(".usda")
+    layer = _timed_layer(rate)
     stage = Usd.Stage.Open(layer)
-    set_units(layer)
-    stage.SetTimeCodesPerSecond(rate)
     stage.SetFramesPerSecond(25.0)
     UsdGeom.Xform.Define(stage, "/World")
     _author_frame_ops(stage, frame)
+    if templates is not None:
+        _define_grains(stage, templates)
+    for path in wall_paths:
+        wall = UsdGeom.Xformable(stage.OverridePrim(path))
+        wall.AddTranslateOp(UsdGeom.XformOp.PrecisionDouble)
+        wall.AddOrientOp(UsdGeom.XformOp.PrecisionDouble)
+    return layer
+
+
+def piece_layer(rate: float, templates: list[ClumpTemplate]) -> Sdf.Layer:
+    """Layer of the grains and clumps of one rank, without frames."""
+    from pxr import Usd, UsdGeom
+
+    layer = _timed_layer(rate)
+    stage = Usd.Stage.Open(layer)
+    for path in ("/World", FRAME):
+        UsdGeom.Xform.Define(stage, path)
+    _define_grains(stage, templates)
+    return layer
+
+
+def _timed_layer(rate: float) -> Sdf.Layer:
+    """Layer with units, ``rate`` time codes in one second."""
+    from pxr import Sdf
+
+    layer = Sdf.Layer.CreateAnonymous(".usda")
+    set_units(layer)
+    layer.timeCodesPerSecond = rate
+    return layer
+
+
+def _define_grains(stage: Usd.Stage, templates: list[ClumpTemplate]) -> None:
+    """Define grains and clumps, without frames."""
+    from pxr import Gf, Sdf, UsdGeom, Vt
+
     grains = UsdGeom.Points.Define(stage, GRAINS)
     # a stage has only those attributes of its clips that a layer declares
     for one in (*DISPLAY, *STATE):
@@ -43,11 +78,6 @@ def root_layer(frame: FramePose, wall_paths: list[str], rate: float, templates: 
     grains.CreateDisplayColorAttr(Vt.Vec3fArray([Gf.Vec3f(*_SAND)]))
     if templates:
         usd_clumps.define_clumps(stage, templates)
-    for path in wall_paths:
-        wall = UsdGeom.Xformable(stage.OverridePrim(path))
-        wall.AddTranslateOp(UsdGeom.XformOp.PrecisionDouble)
-        wall.AddOrientOp(UsdGeom.XformOp.PrecisionDouble)
-    return layer
 
 
 def _author_frame_ops(stage: Usd.Stage, frame: FramePose) -> None:
@@ -135,6 +165,18 @@ def walls_layer(walls: list[WallMesh], paths: dict[str, str], loaded: dict[str, 
         if wall.name in loaded:
             UsdGeom.PrimvarsAPI(mesh).CreatePrimvar("pressure", Sdf.ValueTypeNames.FloatArray, UsdGeom.Tokens.uniform)
     return layer
+
+
+def describe_grains(prim: Sdf.PrimSpec, groups: list[str], materials: list[str]) -> None:
+    """Make the grains colliders, and say what the numbers of the state stand for: names of groups, and prims of materials."""
+    from pxr import Sdf, Vt
+
+    prim.SetInfo("apiSchemas", Sdf.TokenListOp.Create(prependedItems=["PhysicsCollisionAPI"]))
+    listed = Sdf.AttributeSpec(prim, "dem:groups", Sdf.ValueTypeNames.StringArray, Sdf.VariabilityUniform)
+    listed.default = Vt.StringArray(groups)
+    of = Sdf.RelationshipSpec(prim, "dem:materials", custom=True)
+    for path in materials:
+        of.targetPathList.explicitItems.append(path)
 
 
 def first_layer(shown: dict[str, object]) -> Sdf.Layer:

@@ -1,5 +1,6 @@
 """A VTKHDF file of PolyData frames that grows by one frame at a time."""
 
+from dataclasses import dataclass
 from pathlib import Path
 
 import h5py
@@ -15,6 +16,18 @@ _TABLE_ROWS, _LEAST_ROWS = 64, 1024
 _LARGEST_CHUNK = 16e6  # [B]
 
 
+@dataclass(frozen=True)
+class Placed:
+    """Where a frame is in a file."""
+
+    points: int
+    """Number of its points."""
+    first: dict[str, int]
+    """First row in each array of points or cells, by its name below VTKHDF."""
+    layout: dict[str, tuple[str, tuple[int, ...]]]
+    """Type of each of these arrays, and shape of a row."""
+
+
 class Series:
     """One file of PolyData frames whose cells are all of one kind and size."""
 
@@ -26,7 +39,11 @@ class Series:
             topology: Kind of the cells: "Vertices", "Lines" or "Polygons".
             size: Corners of a cell.
             resume: Keep the frames of an earlier run that come before the first new one.
+
+        Attributes:
+            placed: Where the last frame is.
         """
+        self.placed: Placed
         self._path, self._topology, self._size = path, topology, size
         self._resume = resume and path.exists()
         self._disk: JournaledFile | None = None
@@ -74,10 +91,13 @@ class Series:
             self._rows[f"{name}/NumberOfCells"].add([number_here])
             self._rows[f"{name}/NumberOfConnectivityIds"].add([number_here * self._size])
         self._rows["NumberOfPoints"].add([len(points)])
-        self._rows["Steps/PointOffsets"].add([self._stored("Points", points)])
-        for group, arrays in groups.items():
-            for name, values in arrays.items():
-                self._rows[f"Steps/{group}Offsets/{name}"].add([self._stored(f"{group}/{name}", values)])
+        held = {"Points": points} | {f"{group}/{name}": of[name] for group, of in groups.items() for name in of}
+        first = {name: self._stored(name, values) for name, values in held.items()}
+        for name, row in first.items():
+            self._rows["Steps/PointOffsets" if name == "Points" else "Steps/" + name.replace("/", "Offsets/")].add([row])
+        arrays = {name: self._rows[name] for name in held if not name.startswith("FieldData/")}
+        layout = {name: (rows.type.str, rows.shape) for name, rows in arrays.items()}
+        self.placed = Placed(len(points), {name: first[name] for name in arrays}, layout)
         for name, values in groups["FieldData"].items():
             self._rows[f"Steps/FieldDataSizes/{name}"].add([[int(np.prod(values.shape[1:])), len(values)]])
         for name, value in {"Values": time, "PartOffsets": number, "NumberOfParts": 1}.items():
@@ -177,18 +197,18 @@ class _Rows:
 
     def __init__(self, dataset: h5py.Dataset):
         self.length = len(dataset)
-        self._id, self._shape, self._type = dataset.id, dataset.shape[1:], dataset.dtype
+        self._id, self.shape, self.type = dataset.id, dataset.shape[1:], dataset.dtype
 
     def add(self, rows: ArrayLike) -> int:
         """Add ``rows``; returns the number of the first."""
-        values = np.ascontiguousarray(rows, self._type)
+        values = np.ascontiguousarray(rows, self.type)
         first, count = self.length, len(values)
         if count:
             self.length += count
-            self._id.set_extent((self.length, *self._shape))
+            self._id.set_extent((self.length, *self.shape))
             there = self._id.get_space()
-            there.select_hyperslab((first, *(0 for _ in self._shape)), (count, *self._shape))
-            self._id.write(h5py.h5s.create_simple((count, *self._shape)), there, values)
+            there.select_hyperslab((first, *(0 for _ in self.shape)), (count, *self.shape))
+            self._id.write(h5py.h5s.create_simple((count, *self.shape)), there, values)
         return first
 
 

@@ -49,7 +49,7 @@ class GridWriter:
         add_array(data.GetFieldData(), "time", np.array([float(snapshot.time)]))
         name = f"grid_{len(self._entries):06d}.vti"
         save(data, self._folder / name)
-        self._entries.append(Entry(snapshot.time, 0, "grid", name))
+        self._entries.append(Entry(snapshot.time, 0, "grid", name, "grid"))
         write_index(self._folder / INDEX, self._entries)
 
     def close(self) -> None:

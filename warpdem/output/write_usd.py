@@ -23,8 +23,9 @@ history, which only checkpoints keep.
 from __future__ import annotations
 
 import shutil
+from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -34,9 +35,18 @@ from warpdem.core.snapshot import Snapshot, WallMesh
 from warpdem.errors import WarpdemError
 from warpdem.filling.clump_template import clump_templates
 from warpdem.output import usd_clumps
-from warpdem.output.usd_attributes import DISPLAY, GRAINS, LOAD, STATE, grain_values, load_values
-from warpdem.output.usd_clips import PARTS, ValueClips, bytes_of
-from warpdem.output.usd_layers import PLACEMENT_OPS, first_layer, fixed_motions, frame_samples, root_layer, walls_layer
+from warpdem.output.usd_attributes import GRAINS
+from warpdem.output.usd_clips import PARTS, time_code
+from warpdem.output.usd_grain_clips import GrainClips, LoadClips
+from warpdem.output.usd_layers import (
+    PLACEMENT_OPS,
+    describe_grains,
+    fixed_motions,
+    frame_samples,
+    root_layer,
+    walls_layer,
+)
+from warpdem.output.usd_pieces import ROOT, UsdPieceWriter, add_pieces, parts_of, prims_of
 from warpdem.scene.tables import relative_to, scene_tables
 from warpdem.scene.walls import MESH_SUFFIXES
 from warpdem.scene.write_usd import GRAINS as _SOURCES
@@ -50,9 +60,7 @@ if TYPE_CHECKING:
 
     from warpdem.scene.model import Scene
 
-ROOT = "result.usda"
 SCENE = "scene.usda"
-_FIRST = f"./{PARTS}/grains.usdc"
 
 
 class UsdWriter:
@@ -91,11 +99,7 @@ class UsdWriter:
         self._resume = resume and (self._folder / ROOT).exists()
         self._root: Sdf.Layer  # made with the first frame
         self._started = False
-        self._loaded: dict[str, str] = {}  # path of each wall that comes with loads
-        self._sets: list[ValueClips] = []
-        self._widths: tuple[np.ndarray, Any] | None = (
-            None  # radii, and the widths made of them: equal arrays are stored once
-        )
+        self._clips: GrainClips | LoadClips | None = None
         self._last: Snapshot | None = None
 
     def write(self, snapshot: Snapshot) -> None:
@@ -104,15 +108,29 @@ class UsdWriter:
         Raises:
             WarpdemError: The frame moves about another axis or in another way than before.
         """
-        code = self._code(snapshot)
+        self._add(snapshot, None)
+
+    def join(self, around: Snapshot, pieces: Sequence[object]) -> None:
+        """As ``write``, of a frame whose grains and clumps are in pieces that ``UsdPieceWriter`` has written.
+
+        Args:
+            around: The frame, without grains, contacts and clumps.
+            pieces: One for each of those writers.
+        """
+        self._add(around, len(pieces))
+
+    def _add(self, snapshot: Snapshot, parts: int | None) -> None:
+        """Write a frame, with all that is in the snapshot, or of which ``parts`` have grains and clumps."""
+        code = time_code(snapshot, self._rate)
         if not self._started:
-            self._start(snapshot, code)
+            self._start(snapshot, code, parts)
             self._started = True
         elif fixed_motions(snapshot.frame) != fixed_motions(self._first_frame):
             raise WarpdemError(
                 f"{self._folder / ROOT}: the frame's axes or motions changed at t = {snapshot.time} s, must be fixed"
             )
-        self._write_sample(snapshot, code)
+        if self._clips is not None:
+            self._clips.write(snapshot, code)
         for path, value in frame_samples(snapshot.frame).items():
             self._root.SetTimeSample(path, code, value)
         for wall in self._walls:
@@ -124,43 +142,43 @@ class UsdWriter:
     def close(self) -> None:
         """Nothing is held back: every frame is on disk when ``write`` returns."""
 
-    def _code(self, snapshot: Snapshot) -> float:
-        """Time code of a frame, without the last digits of step x dt (300, not 300.00000000000006)."""
-        return round(float(snapshot.time) * self._rate, 6)
-
-    def _start(self, snapshot: Snapshot, code: float) -> None:
+    def _start(self, snapshot: Snapshot, code: float, parts: int | None) -> None:
         from pxr import Sdf
 
+        earlier = Sdf.Layer.OpenAsAnonymous(str(self._folder / ROOT)) if self._resume else None
+        if earlier is not None and earlier.startTimeCode >= code:
+            earlier = None
         self._first_frame = snapshot.frame
-        self._loaded = {name: path for name, path in self._wall_paths.items() if name in snapshot.loads}
-        export(walls_layer(self._walls, self._wall_paths, self._loaded), self._folder / PARTS / "walls.usdc")
-        shown = {f"{GRAINS}.{one.name}": one.kind for one in DISPLAY}
-        shown |= {f"{path}.{one.name}": one.kind for path in self._loaded.values() for one in LOAD}
-        state = {f"{GRAINS}.{one.name}": one.kind for one in STATE}
-        if self._templates:
-            shown |= usd_clumps.types(usd_clumps.DISPLAY)
-            state |= usd_clumps.types(usd_clumps.STATE)
-        many = self._frames_per_chunk
-        self._sets = [
-            ValueClips(self._folder, "default", "chunk", shown, self._rate, many, overlap=True),
-            ValueClips(self._folder, "state", "state", state, self._rate, many, overlap=False),
-        ]
-        self._root = root_layer(snapshot.frame, list(self._wall_paths.values()), self._rate, self._templates)
+        loaded = {name: path for name, path in self._wall_paths.items() if name in snapshot.loads}
+        export(walls_layer(self._walls, self._wall_paths, loaded), self._folder / PARTS / "walls.usdc")
+        whole, prefix = parts is None, f"./{PARTS}/"
+        self._root = root_layer(
+            snapshot.frame, list(self._wall_paths.values()), self._rate, self._templates if whole else None
+        )
+        how = loaded, self._rate, self._frames_per_chunk
+        if whole:
+            self._clips = GrainClips(self._folder, self._root, prefix, self._templates, *how)
+        elif loaded:
+            self._clips = LoadClips(self._folder, self._root, prefix, *how)
         # only now that the stage of root_layer is gone: it would look for the sublayers beside a layer without a place
         self._root.subLayerPaths.append(f"./{PARTS}/walls.usdc")
         if self._templates:
             export(usd_clumps.prototypes_layer(self._templates), self._folder / PARTS / "clumps.usdc")
-            self._root.subLayerPaths.append(f"./{PARTS}/clumps.usdc")
+            if whole:
+                self._root.subLayerPaths.append(f"./{PARTS}/clumps.usdc")
+        if parts is not None:
+            for part in range(parts, parts_of(earlier)):  # of ranks that are no more
+                UsdPieceWriter(self._folder, part, self._scene, self._rate, resume=True).write(snapshot)
+            add_pieces(self._root, max(parts, parts_of(earlier)), bool(self._templates))
         if self._scene is not None:
             self._write_scene()
         self._root.startTimeCode = code
-        if self._resume:
-            earlier = Sdf.Layer.OpenAsAnonymous(str(self._folder / ROOT))
+        if earlier is not None:
             self._keep(earlier, code)
 
     def _write_scene(self) -> None:
         """Write the scene and put it below the results, which take the place of its grains."""
-        from pxr import Sdf, Vt
+        from pxr import Sdf
 
         assert self._scene is not None
         tables = scene_tables(self._scene, self._kept_file)
@@ -168,17 +186,11 @@ class UsdWriter:
         write_usd_scene(self._folder / SCENE, tables, bodies=False)
         self._root.subLayerPaths.append(f"./{SCENE}")
         Sdf.CreatePrimInLayer(self._root, _SOURCES).active = False
-        grains = self._root.GetPrimAtPath(GRAINS)
-        schemas = Sdf.TokenListOp.Create(prependedItems=["PhysicsCollisionAPI"])
-        grains.SetInfo("apiSchemas", schemas)
-        groups = Sdf.AttributeSpec(grains, "dem:groups", Sdf.ValueTypeNames.StringArray, Sdf.VariabilityUniform)
-        groups.default = Vt.StringArray(self._scene.groups)
-        of = Sdf.RelationshipSpec(grains, "dem:materials", custom=True)
-        materials = unused_paths(_MATERIALS, list(tables["materials"]))
-        for path in materials:
-            of.targetPathList.explicitItems.append(path)
-        if self._templates:
-            usd_clumps.describe_clumps(self._root, [one.name for one in self._templates], self._scene.groups, materials)
+        groups, materials = self._scene.groups, unused_paths(_MATERIALS, list(tables["materials"]))
+        for grains in prims_of(self._root, GRAINS):
+            describe_grains(grains, groups, materials)
+        for clumps in prims_of(self._root, usd_clumps.CLUMPS):
+            usd_clumps.describe_clumps(clumps, [one.name for one in self._templates], groups, materials)
 
     def _kept_file(self, file: Path) -> str:
         """Name of a file of the scene: a mesh is copied beside the results, so that they can be moved and shared."""
@@ -195,10 +207,6 @@ class UsdWriter:
 
     def _keep(self, earlier: Sdf.Layer, code: float) -> None:
         """Take over what an earlier run wrote for times before ``code``."""
-        if earlier.startTimeCode >= code:
-            return
-        if _FIRST in earlier.subLayerPaths:
-            self._root.subLayerPaths.append(_FIRST)
         self._root.startTimeCode = earlier.startTimeCode
         paths = [*frame_samples(self._first_frame)]
         paths += [f"{path}.{op}" for path in self._wall_paths.values() for op in PLACEMENT_OPS]
@@ -206,44 +214,8 @@ class UsdWriter:
             for t in earlier.ListTimeSamplesForPath(path):
                 if t < code:
                     self._root.SetTimeSample(path, t, earlier.QueryTimeSample(path, t))
-        played = earlier.GetPrimAtPath(GRAINS).GetInfo("clips")
-        for clips in self._sets:
-            files = [asset.path for asset in played[clips.name]["assetPaths"]]
-            clips.clips = [(t, files[int(k)]) for t, k in played[clips.name]["active"] if t < code]
-
-    def _write_sample(self, snapshot: Snapshot, code: float) -> None:
-        shown, state = self._samples(snapshot)
-        if len(snapshot.id) and _FIRST not in self._root.subLayerPaths:
-            export(first_layer(shown), self._folder / _FIRST)
-            # a layer below that of the clips, which values of no time beside them would hide
-            self._root.subLayerPaths.append(_FIRST)
-        for clips, samples in zip(self._sets, (shown, state), strict=True):
-            clips.add(code, samples, sum(bytes_of(value) for value in samples.values()))
-        self._root.GetPrimAtPath(GRAINS).SetInfo("clips", {clips.name: clips.described(GRAINS) for clips in self._sets})
-        if self._templates:
-            described = {clips.name: clips.described(usd_clumps.CLUMPS) for clips in self._sets}
-            self._root.GetPrimAtPath(usd_clumps.CLUMPS).SetInfo("clips", described)
-        if self._loaded:
-            self._root.GetPrimAtPath(_WALLS).SetInfo("clips", {"default": self._sets[0].described(_WALLS)})
-
-    def _samples(self, snapshot: Snapshot) -> tuple[dict[str, Any], dict[str, Any]]:
-        """What viewers see of a frame, and what a scene starts from, by attribute path."""
-        if not self._templates:
-            return self._display(snapshot), grain_values(STATE, snapshot)
-        alone, instances = usd_clumps.without_members(snapshot), usd_clumps.instances_of(snapshot, self._templates)
-        shown = self._display(alone) | usd_clumps.clump_values(usd_clumps.DISPLAY, instances)
-        return shown, grain_values(STATE, alone) | usd_clumps.clump_values(usd_clumps.STATE, instances)
-
-    def _display(self, snapshot: Snapshot) -> dict[str, Any]:
-        """What viewers see of grains and loads, by attribute path."""
-        samples = grain_values(DISPLAY, snapshot)
-        widths = f"{GRAINS}.widths"
-        if self._widths is None or not np.array_equal(self._widths[0], snapshot.radius):
-            self._widths = snapshot.radius.copy(), samples[widths]
-        samples[widths] = self._widths[1]
-        for name, path in self._loaded.items():
-            samples |= load_values(path, snapshot.loads[name])
-        return samples
+        if self._clips is not None:
+            self._clips.keep(earlier, code)
 
     def _write_placement(self, name: str, snapshot: Snapshot, code: float) -> None:
         """Add a sample when the wall has moved, and one that held it in place until the frame before."""
@@ -255,7 +227,7 @@ class UsdWriter:
                 last.translation, placement.translation
             ):
                 return
-            self._add_placement(path, last, self._code(self._last))
+            self._add_placement(path, last, time_code(self._last, self._rate))
         self._add_placement(path, placement, code)
 
     def _add_placement(self, path: str, placement: Placement, code: float) -> None:

@@ -12,6 +12,7 @@ data.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -36,6 +37,12 @@ if TYPE_CHECKING:
     from vtkmodules.vtkCommonDataModel import vtkPolyData
 
 INDEX, CONTACT_INDEX, CLUMP_INDEX = "result.pvd", "contacts.pvd", "clumps.pvd"
+INDICES = {"grains": INDEX, "contacts": CONTACT_INDEX, "clumps": CLUMP_INDEX}
+"""Index of the files of each kind."""
+WALLS = "walls"
+"""Group of the walls in the index; that of other files is what they hold."""
+PIECES = "result_vtk"
+"""Folder of the pieces of frames that several ranks write."""
 
 
 class VtkWriter:
@@ -43,7 +50,8 @@ class VtkWriter:
 
     A wall gets a new file when it has moved in frame axes, and in every frame if the snapshots hold its load; otherwise the
     index repeats the last one. With ``contacts`` the contact network is written beside them: ``contacts_000000.vtp`` ... with
-    ``contacts.pvd``; with ``clumps`` the clumps, a point each: ``clumps_000000.vtp`` ... with ``clumps.pvd``.
+    ``contacts.pvd``; with ``clumps`` the clumps, a point each: ``clumps_000000.vtp`` ... with ``clumps.pvd``. Of frames in
+    pieces (``VtkPieceWriter``) it writes walls and indices, where each piece is a part of its own.
     """
 
     def __init__(
@@ -61,42 +69,54 @@ class VtkWriter:
         self._folder = Path(folder)
         self._folder.mkdir(parents=True, exist_ok=True)
         self._walls = walls
-        names = [INDEX, *[CONTACT_INDEX] * contacts, *[CLUMP_INDEX] * clumps]
-        paths = {name: self._folder / name for name in names}
+        self._names = ["grains", *["contacts"] * contacts, *["clumps"] * clumps]
+        paths = {name: self._folder / INDICES[name] for name in self._names}
         self._entries = {name: read_index(path) if resume and path.exists() else [] for name, path in paths.items()}
         self._frame: int | None = None
         self._wall_files: dict[str, tuple[Placement, str]] = {}
 
     def write(self, snapshot: Snapshot) -> None:
         """Write one frame; when this returns the index holds it."""
+        number = self._number(snapshot.time)
+        files = {name: [f"{name}_{number:06d}.vtp"] for name in self._names}
+        for name, (file,) in files.items():
+            save(polydata_of(name, snapshot), self._folder / file)
+        self._add(snapshot, files)
+
+    def join(self, around: Snapshot, pieces: Sequence[dict[str, int]]) -> None:
+        """As ``write``, of a frame whose grains, contacts and clumps are in pieces that ``VtkPieceWriter`` has written.
+
+        Args:
+            around: The frame; its grains, contacts and clumps are not looked at.
+            pieces: What those writers gave, in the order of their parts.
+        """
+        number = self._number(around.time)
+        files = {
+            name: [piece_file(name, number, part) for part, rows in enumerate(pieces) if rows[name] or part == 0]
+            for name in self._names
+        }
+        self._add(around, files)
+
+    def _number(self, time: float) -> int:
+        """Number of the frame at ``time``; of those before it, only earlier ones are kept."""
         if self._frame is None:
-            kept = {
-                name: [entry for entry in entries if entry.time < snapshot.time]
-                for name, entries in self._entries.items()
-            }
-            self._entries, self._frame = kept, len({entry.time for entry in kept[INDEX]})
-        if CONTACT_INDEX in self._entries:
-            assert snapshot.contacts is not None
-            self._write_beside(CONTACT_INDEX, "contacts", _contacts_polydata(snapshot.contacts), snapshot.time)
-        if CLUMP_INDEX in self._entries:
-            assert snapshot.clumps is not None
-            self._write_beside(CLUMP_INDEX, "clumps", _clumps_polydata(snapshot.clumps), snapshot.time)
-        name = f"grains_{self._frame:06d}.vtp"
-        save(_grains_polydata(snapshot), self._folder / name)
-        entries = self._entries[INDEX]
-        entries.append(Entry(snapshot.time, 0, "grains", name))
+            self._frame = frames_before(self._entries["grains"], time)
+            self._entries = {name: [one for one in of if one.time < time] for name, of in self._entries.items()}
+        return self._frame
+
+    def _add(self, snapshot: Snapshot, files: dict[str, list[str]]) -> None:
+        """Write the walls of a frame and add it to the indices; ``files`` that are there by what they hold."""
+        time, entries = snapshot.time, self._entries["grains"]
+        for name, of in files.items():
+            beyond = len(self._walls) if name == "grains" else 0  # the walls are parts 1, 2 ...
+            self._entries[name] += [Entry(time, part and beyond + part, name, file, name) for part, file in enumerate(of)]
         for part, wall in enumerate(self._walls, start=1):
             file = self._write_wall(wall, snapshot.walls[wall.name], snapshot.loads.get(wall.name))
-            entries.append(Entry(snapshot.time, part, wall.name, file))
-        write_index(self._folder / INDEX, self._entries[INDEX])
+            entries.append(Entry(time, part, wall.name, file, WALLS))
+        for name in [*self._names[1:], "grains"]:  # last: a frame of theirs has its contacts and clumps
+            write_index(self._folder / INDICES[name], self._entries[name])
+        assert self._frame is not None
         self._frame += 1
-
-    def _write_beside(self, index: str, part: str, data: vtkPolyData, time: float) -> None:
-        """Write a file of this frame that has an index of its own."""
-        name = f"{part}_{self._frame:06d}.vtp"
-        save(data, self._folder / name)
-        self._entries[index].append(Entry(time, 0, part, name))
-        write_index(self._folder / index, self._entries[index])
 
     def close(self) -> None:
         """Nothing is held back: every frame is on disk when ``write`` returns."""
@@ -114,6 +134,27 @@ class VtkWriter:
         save(_wall_polydata(replace(wall, vertices=vertices), load), self._folder / file)
         self._wall_files[wall.name] = (placement, file)
         return file
+
+
+def frames_before(entries: list[Entry], time: float) -> int:
+    """Number of frames that an index has before ``time`` [s]."""
+    return len({entry.time for entry in entries if entry.time < time})
+
+
+def piece_file(name: str, number: int, part: int) -> str:
+    """File of a piece of a frame, from the folder of the indices: the grains, contacts or clumps of one rank."""
+    return f"{PIECES}/{name}_{number:06d}_{part}.vtp"
+
+
+def polydata_of(name: str, snapshot: Snapshot) -> vtkPolyData:
+    """The grains, contacts or clumps of a frame."""
+    if name == "grains":
+        return _grains_polydata(snapshot)
+    if name == "contacts":
+        assert snapshot.contacts is not None
+        return _contacts_polydata(snapshot.contacts)
+    assert snapshot.clumps is not None
+    return _clumps_polydata(snapshot.clumps)
 
 
 def _grains_polydata(snapshot: Snapshot) -> vtkPolyData:

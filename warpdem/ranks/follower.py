@@ -30,8 +30,9 @@ def serve(world: World) -> int:
                     rank = _new_rank(world, *arguments)
                 else:
                     getattr(rank, name)(*arguments)
-            except WarpdemError:  # of all ranks: rank 0 reports it
-                pass
+            except WarpdemError as error:
+                if error is not world.agreed:  # else rank 0 reports it
+                    _end_all(world, str(error), error.exit_code)
     except MemoryError as error:
         _end_all(world, f"out of memory ({error or 'no more is available'})", 3)
     except BaseException:

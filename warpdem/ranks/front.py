@@ -63,7 +63,8 @@ def leading(world: World | None) -> Iterator[None]:
     finally:
         _led.pop()
         if world.busy:  # the others wait for what this rank did not do
-            sys.stderr.write(f"error: rank 0: {sys.exception()!r}\n")
+            raised = sys.exception()
+            sys.stderr.write(f"error: rank 0: {raised if isinstance(raised, WarpdemError) else repr(raised)}\n")
             sys.stderr.flush()
             world.abort(code)
         world.from_first((END, (code,)))
@@ -127,10 +128,7 @@ class Front(RunLoop):
 
     def advance(self, count: int) -> None:
         """As ``RunLoop``, on all ranks."""
-        if not self._is_dealt:
-            self._evaluate()
-            view = RunView(self._model, self._state, self._clock, self._engine, None, self._engine.lists.view)
-            self._deal(Portion.of({**contact_history.read(view), **Rank.arrays_of(self._state, self._state.rank)}))
+        self._deal_first()
         if count == 0:
             self.prepare()
             return
@@ -143,7 +141,8 @@ class Front(RunLoop):
             with self._timers.measure("steps"):
                 self.on_all("advance", count, max_overlap, hold)
         except WarpdemError:
-            self._show_grains()
+            if not self._world.busy:  # else the others cannot answer
+                self._show_grains()
             raise
         finally:
             clock.step_number = self.rank.clock.step_number
@@ -152,6 +151,19 @@ class Front(RunLoop):
         self._take_extremes(self.on_all("extremes"))
         if clock.step_number == insertion:
             self.insert()
+
+    def _deal_first(self) -> None:
+        """Deal the grains out as they are at the start, unless that is done."""
+        if not self._is_dealt:
+            self._evaluate()
+            view = RunView(self._model, self._state, self._clock, self._engine, None, self._engine.lists.view)
+            self._deal(Portion.of({**contact_history.read(view), **Rank.arrays_of(self._state, self._state.rank)}))
+
+    def write_pieces(self) -> list[list[Any]]:
+        """Let each rank write its piece of the frame of the present time; returns what joins them, for each rank and format."""
+        self._deal_first()
+        found: list[list[Any]] = self.on_all("write_pieces")
+        return found
 
     def insert(self) -> None:
         """As ``RunLoop``."""

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -22,11 +23,13 @@ from warpdem.kernels import grain
 from warpdem.kernels.step.exchange import TOO_DEEP, WALL_LOADS
 from warpdem.kernels.step.motion import BEYOND, LEFT
 from warpdem.model.model import Model
+from warpdem.output.own_pieces import OwnPieces
 from warpdem.ranks import halo, transfer
 from warpdem.ranks.answers import shared_slots
 from warpdem.ranks.cuts import Cuts
 from warpdem.ranks.exchange import Exchange
 from warpdem.ranks.lists import RankLists
+from warpdem.ranks.pieces import on_each
 from warpdem.ranks.portion import OF_GHOSTS, OF_GRAINS, Portion, Table, numbered, with_ghosts
 from warpdem.ranks.staging import StagedExchange
 from warpdem.ranks.world import World
@@ -76,6 +79,7 @@ class Rank:
         count_left: takes the grains that leave, and the number of the outlet of each as ``way_out`` of them, on rank 0.
         before_leaving: takes all grains and contacts, and the ids of those that leave, on rank 0, where budgets ask for it.
         take_liquid: takes the liquid of grains that have left, columns as of ``State.film``, on rank 0.
+        pieces: what this rank writes of the frames, once ``open_pieces`` was called.
     """
 
     def __init__(self, world: World, model: Model, threads: Threads) -> None:
@@ -105,6 +109,7 @@ class Rank:
         self.count_left: Callable[[Portion], None] = lambda leaving: None
         self.before_leaving: Callable[[Portion, np.ndarray], None] = lambda whole, ids: None
         self.take_liquid: Callable[[np.ndarray], None] = lambda counts: None
+        self.pieces: OwnPieces
         self._new: Portion | None = None  # inserted, and in no list yet
         self._rank_of_ghost = np.zeros(0, dtype=np.int64)
         self.counts, self._tried = Counts(), -WAIT
@@ -406,6 +411,18 @@ class Rank:
         """All grains as they are, without contacts; on rank 0."""
         slots = self.state.rank[self.state.rank < self.state.owned]
         return transfer.gather(self.world, Portion.of(self.arrays_of(self.state, slots)))
+
+    def open_pieces(self, folder: Path, resume: bool) -> None:
+        """Let each rank write its pieces of the frames to ``folder``, of a run that goes on if ``resume``."""
+        on_each(self.world, lambda: self._open_pieces(folder, resume))
+
+    def _open_pieces(self, folder: Path, resume: bool) -> None:
+        self.pieces = OwnPieces(self._model.scene, folder, self.world.rank, resume)
+
+    def write_pieces(self) -> list[list[Any]]:
+        """Write the pieces of the present time; what joins them, for each rank and format, on rank 0."""
+        self.evaluate()
+        return on_each(self.world, lambda: self.pieces.write(self._view))
 
     def report(self) -> list[dict[str, Any]]:
         """What each rank has done, on rank 0."""

@@ -24,6 +24,7 @@ class World:
         size: number of ranks.
         rank: number of this one, from 0.
         busy: this rank does something together with the others.
+        agreed: the error that all ranks have raised last; any other is of this rank alone.
         at_end: what lets go of what MPI holds, called when all ranks end.
     """
 
@@ -35,6 +36,7 @@ class World:
         self._node = comm.Split_type(MPI.COMM_TYPE_SHARED)
         self._one, self._all = np.zeros(1, dtype=np.int64), np.zeros(1, dtype=np.int64)
         self.busy = False
+        self.agreed: WarpdemError | None = None
         self.at_end: list[Callable[[], None]] = []
 
     @property
@@ -53,8 +55,8 @@ class World:
         self.busy = True
         try:
             yield
-        except WarpdemError:  # of all ranks, by ``raise_first``
-            self.busy = False
+        except WarpdemError as error:
+            self.busy = error is not self.agreed
             raise
         self.busy = False
 
@@ -148,7 +150,8 @@ class World:
             WarpdemError: one has.
         """
         if self.any_of(int(error is not None)):
-            raise next(found for found in self.everyone(error) if found is not None)
+            self.agreed = next(found for found in self.everyone(error) if found is not None)
+            raise self.agreed
 
     def close(self) -> None:
         """Let go of what MPI holds."""

@@ -46,6 +46,11 @@ class Output(SceneModel):
         description='File formats of the frames: "vtk" (a file for each frame), "vtkhdf" (one file for ParaView), "usd"; '
         'default ["vtk", "usd"].',
     )
+    pieces: Literal["auto", "one", "ranks"] = Field(
+        "auto",
+        description='Whether a frame is written as one, by the first rank ("one"), or as a piece for each rank, by that rank '
+        '("ranks"); "auto" (default): in pieces where the scene begins with more than 2e7 grains.',
+    )
     wall_loads: StrictBool = Field(
         True,
         description="Whether the frames hold the loads on mesh walls and their triangles, default true; VTK then writes a wall "

@@ -18,9 +18,11 @@ from warpdem.kernels import clump, grain
 from warpdem.kernels.clump import Reading
 
 OF_CLUMPS = {"record": None, "turn": wp.vec4d, "rate": wp.vec4d, "first": wp.int32, "count": wp.int32}
-"""Arrays with a row per clump, with their types."""
-OF_GRAINS = {"of_grain": wp.int32, "arm": wp.vec4d}
-"""Arrays with a row per grain."""
+"""Arrays with a row per clump, with their types, that a checkpoint holds but for ``first``."""
+HERE = {**OF_CLUMPS, "shape": wp.int32}
+"""All of them."""
+OTHERS = {"of_grain": wp.int32, "arm": wp.vec4d}
+"""Arrays with a row per grain, and per member of each shape."""
 OF_STEP = {"drive": clump.vec6, "rotation": wp.vec4d, "reading": Reading}
 """Arrays with a row per clump that a step or a reading writes before anything reads them."""
 
@@ -49,6 +51,27 @@ def member_inverse(inverse: np.ndarray, clumps: InitialClumps, radius: np.ndarra
     return out
 
 
+def shapes(arm: np.ndarray, first: np.ndarray, count: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Rows of the members of clumps that are alike to the bit, once; and where in them those of each clump begin.
+
+    Clumps of one template and size share them, so that a step finds them in its caches.
+
+    Args:
+        arm: place and radius of the members of all clumps, shape (n, 4).
+        first, count: of each clump, its first row of ``arm`` and how many it has, shape (c,).
+    """
+    rows: list[np.ndarray] = [np.zeros((0, 4))]
+    begin, at = np.zeros(len(first), np.int32), 0
+    for members in np.unique(count):
+        of = np.flatnonzero(count == members)
+        found = np.ascontiguousarray(arm[first[of][:, None] + np.arange(members)], dtype=np.float64).reshape(len(of), -1)
+        _, chosen, number = np.unique(found.view(f"V{found.itemsize * found.shape[1]}"), return_index=True, return_inverse=True)
+        rows.append(found[chosen].reshape(-1, 4))
+        begin[of] = at + members * number.ravel()
+        at += len(rows[-1])
+    return np.concatenate(rows), begin
+
+
 def from_checkpoint(data: dict[str, Any], spin: np.ndarray, velocity: np.ndarray) -> InitialClumps:
     """Clumps of a checkpoint, grains in order of id, their motion relative to a frame.
 
@@ -73,7 +96,8 @@ class ClumpState:
 
     Attributes:
         record, turn, rate, first, count: of each clump.
-        of_grain, arm: of each grain.
+        of_grain: of each grain.
+        arm: of each member of clumps that are alike, once.
         drive, rotation: what acts on each clump in a step, and how it turns in it.
         reading: motion of each clump at the time of the last reading.
         template: number of each clump in the order of ``Scene.clumps``, on the host.
@@ -85,6 +109,7 @@ class ClumpState:
     rate: wp.array
     first: wp.array
     count: wp.array
+    shape: wp.array
     of_grain: wp.array
     arm: wp.array
     drive: wp.array
@@ -100,17 +125,17 @@ class ClumpState:
         rate = np.column_stack([1.0 / start.mass, 1.0 / start.moments])
         values = {"record": record, "turn": start.turn, "rate": rate, "first": start.first, "count": start.count}
         self.device = device
-        arm = np.column_stack([start.arm, radius])
+        arm, values["shape"] = shapes(np.column_stack([start.arm, radius]), start.first, start.count)
         self._take(values, {"of_grain": start.of_grain, "arm": arm}, start.template, start.axes)
 
     def __len__(self) -> int:
         return len(self.template)
 
     def _take(
-        self, of_clumps: dict[str, np.ndarray], of_grains: dict[str, np.ndarray], template: np.ndarray, axes: np.ndarray
+        self, of_clumps: dict[str, np.ndarray], others: dict[str, np.ndarray], template: np.ndarray, axes: np.ndarray
     ) -> None:
-        for name, dtype in {**OF_CLUMPS, **OF_GRAINS}.items():
-            value = np.ascontiguousarray({**of_clumps, **of_grains}[name])
+        for name, dtype in {**HERE, **OTHERS}.items():
+            value = np.ascontiguousarray({**of_clumps, **others}[name])
             kind = grain.build(True).Record if dtype is None else dtype
             value = value.astype(np.int32 if kind is wp.int32 else np.float64)
             setattr(self, name, in_huge_pages(wp.array(value, dtype=kind, device=self.device)))
@@ -123,7 +148,7 @@ class ClumpState:
         """The struct ``kind`` of ``kernels.clump`` over the present arrays, made once for them."""
         if self._struct is None:
             self._struct = kind()
-            for name in (*OF_CLUMPS, *OF_GRAINS, *OF_STEP):
+            for name in (*HERE, *OTHERS, *OF_STEP):
                 setattr(self._struct, name, getattr(self, name))
             self._struct.spheres = int((self.of_grain.numpy() == NONE).sum())
         return self._struct
@@ -151,35 +176,34 @@ class ClumpState:
         return record, 1.0 / rate[:, 0], np.einsum("nij,nj,nkj,nk->ni", axes, rate[:, 1:], axes, momentum), momentum
 
     def _values(self) -> tuple[dict[str, np.ndarray], dict[str, np.ndarray]]:
-        return tuple({name: getattr(self, name).numpy() for name in names} for names in (OF_CLUMPS, OF_GRAINS))  # type: ignore[return-value]
+        return tuple({name: getattr(self, name).numpy() for name in names} for names in (HERE, OTHERS))  # type: ignore[return-value]
 
     def add(self, more: "ClumpState", slots: int) -> None:
         """Append the clumps ``more``, whose grains come after those in the first ``slots`` slots."""
         (own, of_own), (new, of_new) = self._values(), more._values()
-        of_clumps = {name: np.concatenate([own[name], new[name]]) for name in OF_CLUMPS}
+        of_clumps = {name: np.concatenate([own[name], new[name]]) for name in HERE}
         of_clumps["first"] = np.concatenate([own["first"], slots + new["first"]])
+        of_clumps["shape"][len(self) :] += len(of_own["arm"])
+        arm = np.concatenate([of_own["arm"], of_new["arm"]])
+        arm, of_clumps["shape"] = shapes(arm, of_clumps["shape"], of_clumps["count"])
         number = np.where(of_new["of_grain"] == NONE, NONE, of_new["of_grain"] + len(self))
-        of_grains = {"of_grain": number, "arm": of_new["arm"]}
-        of_grains = {name: np.concatenate([of_own[name], values]) for name, values in of_grains.items()}
+        of_grain = np.concatenate([of_own["of_grain"], number])
         template, axes = np.concatenate([self.template, more.template]), np.concatenate([self.axes, more.axes])
-        self._take(of_clumps, of_grains, template, axes)
+        self._take(of_clumps, {"of_grain": of_grain, "arm": arm}, template, axes)
 
     def reorder(self, order: np.ndarray) -> None:
         """Follow the grains, where slot s gets what was in slot order[s]; members of a clump stay together."""
-        of_clumps, of_grains = self._values()
-        of_grains = {name: values[order] for name, values in of_grains.items()}
-        self._number(of_clumps, of_grains)
+        of_clumps, others = self._values()
+        self._number(of_clumps, others["of_grain"][order], others["arm"])
 
-    def _number(self, of_clumps: dict[str, np.ndarray], of_grains: dict[str, np.ndarray]) -> None:
+    def _number(self, of_clumps: dict[str, np.ndarray], of: np.ndarray, arm: np.ndarray) -> None:
         """Take the arrays over, with the clumps in the order of their members."""
-        of = of_grains["of_grain"]
         begins = np.flatnonzero((of != NONE) & (np.concatenate([[NONE], of[:-1]]) != of))
         clumps = of[begins]
         new = np.full(len(self.template) + 1, NONE)
         new[clumps] = np.arange(len(clumps))
-        of_grains["of_grain"] = new[of]
         of_clumps = {name: values[clumps] for name, values in of_clumps.items()} | {"first": begins}
-        self._take(of_clumps, of_grains, self.template[clumps], self.axes[clumps])
+        self._take(of_clumps, {"of_grain": new[of], "arm": arm}, self.template[clumps], self.axes[clumps])
 
     def in_order(self, rank: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Slots of the clumps in order of the id of their first member, shape (c,), and that member's slot."""
@@ -195,26 +219,33 @@ class ClumpState:
     def arrays(self, rank: np.ndarray) -> dict[str, np.ndarray]:
         """What a checkpoint holds: arrays by name, clumps and grains in order of id; motion at the present time, just read."""
         slots, _ = self.in_order(rank)
-        of_clumps, of_grains = self._values()
-        out = {name: values[slots] for name, values in of_clumps.items() if name != "first"}
+        of_clumps, others = self._values()
+        out = {name: values[slots] for name, values in of_clumps.items() if name not in ("first", "shape")}
         number = np.full(len(self) + 1, NONE)
         number[slots] = np.arange(len(slots))
-        of_grains = {"of_grain": number[of_grains["of_grain"]], "arm": of_grains["arm"][:, :3]}
-        out |= {name: values[rank] for name, values in of_grains.items()}
+        of = others["of_grain"]
+        arm = np.zeros((len(of), 3))
+        member = np.flatnonzero(of != NONE)
+        row = of_clumps["shape"][of[member]] + member - of_clumps["first"][of[member]]
+        arm[member] = others["arm"][row, :3]
+        out |= {"of_grain": number[of[rank]], "arm": arm[rank]}
         out |= {"template": self.template[slots], "axes": self.axes[slots], "reading": self.reading.numpy()[slots]}
         return {f"clump_{name}": values for name, values in out.items()}
 
     def restore(self, data: Mapping[str, Any]) -> None:
         """Take over what ``arrays`` gave."""
         of_clumps = {name: data[f"clump_{name}"] for name in OF_CLUMPS if name != "first"}
-        self.template, self.axes = data["clump_template"], data["clump_axes"]
+        self.template, self.axes, of = data["clump_template"], data["clump_axes"], data["clump_of_grain"]
         arm = np.column_stack([data["clump_arm"], data["record"][:, grain.RADIUS]])
-        self._number(of_clumps, {"of_grain": data["clump_of_grain"], "arm": arm})
+        member = np.flatnonzero(of != NONE)
+        _, at = np.unique(of[member], return_index=True)  # the first member of each
+        arm, of_clumps["shape"] = shapes(arm, member[at], of_clumps["count"])
+        self._number(of_clumps, of, arm)
 
     def copied(self, take: Callable[[str, wp.array], wp.array]) -> "ClumpState":
         """As ``State.copied``."""
         out = copy.copy(self)
         out._struct = None
-        for name in (*OF_CLUMPS, *OF_GRAINS, *OF_STEP):
+        for name in (*HERE, *OTHERS, *OF_STEP):
             setattr(out, name, take(f"clumps {name}", getattr(self, name)))
         return out
