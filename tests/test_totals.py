@@ -92,6 +92,31 @@ def test_sums_over_grains_are_those_of_their_readings(sim):
     assert_allclose(now.along_frame, along, rtol=1e-11)
 
 
+def test_sums_are_those_of_absolute_velocities_where_the_integrator_holds_relative_ones():
+    """Off the axis of a frame that turns, `velocity_verlet` holds velocities relative to it."""
+    grains = {"material": "g", "radius": R, "positions": [[0.1, 0.2, 0.3], [-0.2, 0.1, 0.0]]}
+    sim = Simulation(
+        Scene.model_validate(
+            {
+                "materials": {"g": {"density": 2500, "young_modulus": 5e6, "poisson_ratio": 0.25}},
+                "pairs": [{"materials": ["g", "g"], "restitution": 0.5}],
+                "grains": [grains | {"velocities": [[1.0, -2.0, 0.5], [0.3, 0.2, 2.0]], "velocities_in": "laboratory"}],
+                "frame": {"axis": [0, 1, 3], "origin": [0.01, 0, 0], "rate": 3.0},
+                "gravity": [0, 0, 0],
+                "time": {"end": 1.0, "step": 2e-5},
+                "engine": {"integrator": "velocity_verlet"},
+            }
+        ),
+        device="cpu",
+        threads=1,
+    )
+    now, p = Totals(sim.view), sim.particles
+    flying = np.array([[1.0, -2.0, 0.5], [0.3, 0.2, 2.0]])
+    assert_allclose(p.velocity_lab, flying, rtol=1e-13)
+    assert_allclose(now.momentum, [*(p.mass @ flying), *(p.mass @ np.cross(p.position_lab, flying))], rtol=1e-12)
+    assert_allclose(now.energy["kinetic"], 0.5 * p.mass @ (flying**2).sum(axis=1), rtol=1e-12)
+
+
 def test_loads_on_walls_are_those_of_their_contacts(sim):
     contacts, loads, now = sim.contacts(), sim.wall_loads(), Totals(sim.view)
     assert now.energy["kinetic"] > 0.0  # with all sums at once, or alone
