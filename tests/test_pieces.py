@@ -64,8 +64,8 @@ def write(folder, name, numbers, parts, *, resume=False):
         whole = snapshot(k)
         owner = np.where(whole.id % 4 == 0, parts - 1, (whole.id // 3 + (0 if COUNTS[k] == COUNTS[k - 1] else k)) % parts)
         owner[(owner == 1) & (parts > 2)] = 0
-        told = [writer.write(piece_of(whole, owner == part)) for part, writer in enumerate(writers)]
-        root.join(without_grains(whole), told)
+        written = [writer.write(piece_of(whole, owner == part)) for part, writer in enumerate(writers)]
+        root.join(without_grains(whole), written)
     root.close()
 
 

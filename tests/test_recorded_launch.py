@@ -1,4 +1,4 @@
-"""A recorded launch does what one made anew would do: with other arrays, numbers, structs and counts than when recorded."""
+"""A recorded launch does what a new one would do: with other arrays, numbers, structs and counts than when recorded."""
 
 import numpy as np
 import warp as wp

@@ -346,7 +346,7 @@ def test_estimates_know_the_dashpot_of_a_law_by_its_damping_coefficient(tmp_path
     hertz = Simulation(impacts("hertz", {"restitution": 1.0}, speed, step, phases=1), device="cpu", threads=1)
     sim.run(until=60.0 * step)
     at_wall = parting_speeds(sim, phases)[1] / speed
-    told = rebound(str(law), 4.0 / 3.0 * ELASTIC, 2.25e-5, MASS, RADIUS, speed, step)
-    np.testing.assert_allclose(told, at_wall, rtol=0, atol=1e-6)
+    estimated = rebound(str(law), 4.0 / 3.0 * ELASTIC, 2.25e-5, MASS, RADIUS, speed, step)
+    np.testing.assert_allclose(estimated, at_wall, rtol=0, atol=1e-6)
     assert 0.5 < at_wall.mean() < 0.9
     assert sim.limits.stable < 0.97 * hertz.limits.stable

@@ -3,6 +3,7 @@
 import numpy as np
 import warp as wp
 
+from warpdem.core.array_view import array_view
 from warpdem.core.huge_pages import in_huge_pages
 
 SPARE = 0.125
@@ -44,8 +45,7 @@ class BufferPool:
             kept = self._buffers[name] = in_huge_pages(wp.empty(size + more, dtype=dtype, device=self._device))
         view = self._views.get(name)
         if view is None or view.ptr != kept.ptr or view.shape != shape or view.dtype is not dtype:
-            view = self._views[name] = wp.array(ptr=kept.ptr, shape=shape, dtype=dtype, device=self._device)
-            view._ref = kept  # type: ignore[assignment]  # as in Warp's own views: it holds the memory
+            view = self._views[name] = array_view(kept, shape, dtype)
         return view
 
     def capacity(self, name: str, need: int) -> int:

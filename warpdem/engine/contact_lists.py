@@ -6,6 +6,7 @@ from typing import Any, NamedTuple
 import numpy as np
 import warp as wp
 
+from warpdem.core.array_view import array_view
 from warpdem.engine.buffers import BufferPool
 from warpdem.kernels.lists.path import Flight
 from warpdem.kernels.measure.budget import wall_entry
@@ -146,12 +147,7 @@ class ContactLists:
     @property
     def slot_force_vectors(self) -> wp.array:
         """``slot_force`` as an array of vectors."""
-        force = self.slot_force
-        out: wp.array = wp.array(
-            ptr=force.ptr, shape=force.shape[:1], dtype=self.model.kernels.pairs.PairForce, device=force.device
-        )
-        out._ref = force  # type: ignore[assignment]  # as in Warp's own views: it holds the memory
-        return out
+        return array_view(self.slot_force, self.slot_force.shape[:1], self.model.kernels.pairs.PairForce)
 
     @property
     def share_that_holds(self) -> float:
@@ -162,6 +158,7 @@ class ContactLists:
     def set_totals(self, totals: list[int]) -> None:
         """Take note of the length of the inner list: lanes, force slots, grains beside a wall."""
         self.totals, self.contact_count, self.row_count = totals, totals[1] // 2, totals[2]
+        self._views.clear()  # they would keep arrays that others take the place of
         self.batches_inside = totals[0] // self.model.features.backend.lanes
 
     def inner_built(self) -> None:

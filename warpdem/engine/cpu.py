@@ -9,6 +9,7 @@ import time
 import numpy as np
 import warp as wp
 
+from warpdem.core.array_view import array_view
 from warpdem.core.threads import Threads, ranges
 from warpdem.engine.batch import Batch
 from warpdem.engine.buffers import BufferPool
@@ -42,12 +43,10 @@ class CpuStorage:
         return self.pool.buffer("listed", (entries,), wp.int32)
 
     def copies(self, grains: int) -> wp.array:
-        """As ``host_build.Storage``; in the memory of what is selected, which the inner list after it writes anew."""
+        """As ``host_build.Storage``; in the memory of what the inner list selects, which is built after it."""
         columns, rows = COPIED, grains + SPARE
         memory = self.pool.buffer("listed", (2 * columns * rows,), wp.int32)
-        out: wp.array = wp.array(ptr=memory.ptr, shape=(columns, rows), dtype=wp.float64, device=memory.device)
-        out._ref = memory  # type: ignore[assignment]  # as in Warp's own views: it holds the memory
-        return out
+        return array_view(memory, (columns, rows), wp.float64)
 
     def force_slots(self, shape: tuple[int, int], history: tuple[int, int, int], entries: int, real: type) -> wp.array:
         """As ``host_build.Storage``."""

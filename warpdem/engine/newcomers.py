@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 import warp as wp
 
+from warpdem.core.array_view import array_view
 from warpdem.engine.batch import Batch
 from warpdem.engine.contact_lists import ContactLists, OuterList
 from warpdem.engine.list_structs import ListStructs
@@ -35,9 +36,7 @@ def grown(array: wp.array, rows: int, axis: int = 0) -> wp.array:
 
 def first_rows(array: wp.array, rows: int) -> wp.array:
     """View of the first ``rows`` of an array, whose memory it holds."""
-    out: wp.array = wp.array(ptr=array.ptr, shape=(rows, *array.shape[1:]), dtype=array.dtype, device=array.device)
-    out._ref = array  # type: ignore[assignment]  # as in Warp's own views
-    return out
+    return array_view(array, (rows, *array.shape[1:]), array.dtype)
 
 
 class Newcomers:

@@ -4,6 +4,7 @@ from typing import Any
 
 import warp as wp
 
+from warpdem.core.array_view import array_view
 from warpdem.engine.contact_lists import ContactLists
 from warpdem.engine.list_structs import put
 from warpdem.kernels.measure.budget import Momenta
@@ -13,9 +14,7 @@ from warpdem.state.particles import State
 
 def packed(array: wp.array, dtype: type) -> wp.array:
     """The same memory as an array of vectors."""
-    view: wp.array = wp.array(ptr=array.ptr, shape=array.shape[:-1], dtype=dtype, device=array.device)
-    view._ref = array  # type: ignore[assignment]  # as in Warp's own views: it holds the memory
-    return view
+    return array_view(array, array.shape[:-1], dtype)
 
 
 class Structs:

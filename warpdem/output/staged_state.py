@@ -11,6 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 import warp as wp
 
+from warpdem.core.array_view import array_view
 from warpdem.kernels.measure import window_sum
 from warpdem.kernels.measure.wear import SUMS
 from warpdem.measure.budget import Budget
@@ -39,8 +40,7 @@ class StagingBuffer:
         if kept is None or kept.size < size:
             pinned = self._stream is not None
             kept = self._kept[name] = wp.empty(size + size // 4 + 64, dtype=wp.uint8, device="cpu", pinned=pinned)
-        host: wp.array = wp.array(ptr=kept.ptr, shape=array.shape, dtype=array.dtype, device="cpu")
-        host._ref = kept  # type: ignore[assignment]  # as in Warp's own views: it holds the memory
+        host = array_view(kept, array.shape, array.dtype)
         self._copies.append((host, wp.clone(array) if self._stream else array))
         return host
 

@@ -2,7 +2,7 @@
 
 It has the structure of a file of ``vtkhdf_series``, with one part per frame; but arrays of points and cells are virtual: their
 rows are those of the ranks, one rank after the other, in files that stand at a fixed place beside it. It is small, and written
-anew with each frame.
+again with each frame.
 """
 
 import json

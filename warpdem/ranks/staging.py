@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 import warp as wp
 
+from warpdem.core.array_view import array_view
 from warpdem.kernels.step.exchange import ARRIVED, WALL_LOADS
 from warpdem.ranks.exchange import OF_ANSWERS, TAG, Exchange, Links
 from warpdem.ranks.world import World
@@ -29,9 +30,7 @@ class HostMemory:
             assert like.device is not None
             kept = wp.empty(size + size // 4 + 64, dtype=wp.uint8, device="cpu", pinned=like.device.is_cuda)
             self._kept[name] = kept
-        out: wp.array = wp.array(ptr=kept.ptr, shape=count, dtype=like.dtype, device="cpu")
-        out._ref = kept  # type: ignore[assignment]  # as in Warp's own views: it holds the memory
-        return out
+        return array_view(kept, (count,), like.dtype)
 
 
 class Mirror:

@@ -19,9 +19,9 @@ from warpdem.kernels.clump import Reading
 
 OF_CLUMPS = {"record": None, "turn": wp.vec4d, "rate": wp.vec4d, "first": wp.int32, "count": wp.int32}
 """Arrays with a row per clump, with their types, that a checkpoint holds but for ``first``."""
-HERE = {**OF_CLUMPS, "shape": wp.int32}
-"""All of them."""
-OTHERS = {"of_grain": wp.int32, "arm": wp.vec4d}
+CLUMP_ARRAYS = {**OF_CLUMPS, "shape": wp.int32}
+"""The same and ``shape``, which follows from what a checkpoint holds."""
+MEMBER_ARRAYS = {"of_grain": wp.int32, "arm": wp.vec4d}
 """Arrays with a row per grain, and per member of each shape."""
 OF_STEP = {"drive": clump.vec6, "rotation": wp.vec4d, "reading": Reading}
 """Arrays with a row per clump that a step or a reading writes before anything reads them."""
@@ -132,10 +132,10 @@ class ClumpState:
         return len(self.template)
 
     def _take(
-        self, of_clumps: dict[str, np.ndarray], others: dict[str, np.ndarray], template: np.ndarray, axes: np.ndarray
+        self, of_clumps: dict[str, np.ndarray], of_members: dict[str, np.ndarray], template: np.ndarray, axes: np.ndarray
     ) -> None:
-        for name, dtype in {**HERE, **OTHERS}.items():
-            value = np.ascontiguousarray({**of_clumps, **others}[name])
+        for name, dtype in {**CLUMP_ARRAYS, **MEMBER_ARRAYS}.items():
+            value = np.ascontiguousarray({**of_clumps, **of_members}[name])
             kind = grain.build(True).Record if dtype is None else dtype
             value = value.astype(np.int32 if kind is wp.int32 else np.float64)
             setattr(self, name, in_huge_pages(wp.array(value, dtype=kind, device=self.device)))
@@ -148,7 +148,7 @@ class ClumpState:
         """The struct ``kind`` of ``kernels.clump`` over the present arrays, made once for them."""
         if self._struct is None:
             self._struct = kind()
-            for name in (*HERE, *OTHERS, *OF_STEP):
+            for name in (*CLUMP_ARRAYS, *MEMBER_ARRAYS, *OF_STEP):
                 setattr(self._struct, name, getattr(self, name))
             self._struct.spheres = int((self.of_grain.numpy() == NONE).sum())
         return self._struct
@@ -176,12 +176,13 @@ class ClumpState:
         return record, 1.0 / rate[:, 0], np.einsum("nij,nj,nkj,nk->ni", axes, rate[:, 1:], axes, momentum), momentum
 
     def _values(self) -> tuple[dict[str, np.ndarray], dict[str, np.ndarray]]:
-        return tuple({name: getattr(self, name).numpy() for name in names} for names in (HERE, OTHERS))  # type: ignore[return-value]
+        of_clumps = {name: getattr(self, name).numpy() for name in CLUMP_ARRAYS}
+        return of_clumps, {name: getattr(self, name).numpy() for name in MEMBER_ARRAYS}
 
     def add(self, more: "ClumpState", slots: int) -> None:
         """Append the clumps ``more``, whose grains come after those in the first ``slots`` slots."""
         (own, of_own), (new, of_new) = self._values(), more._values()
-        of_clumps = {name: np.concatenate([own[name], new[name]]) for name in HERE}
+        of_clumps = {name: np.concatenate([own[name], new[name]]) for name in CLUMP_ARRAYS}
         of_clumps["first"] = np.concatenate([own["first"], slots + new["first"]])
         of_clumps["shape"][len(self) :] += len(of_own["arm"])
         arm = np.concatenate([of_own["arm"], of_new["arm"]])
@@ -193,8 +194,8 @@ class ClumpState:
 
     def reorder(self, order: np.ndarray) -> None:
         """Follow the grains, where slot s gets what was in slot order[s]; members of a clump stay together."""
-        of_clumps, others = self._values()
-        self._number(of_clumps, others["of_grain"][order], others["arm"])
+        of_clumps, of_members = self._values()
+        self._number(of_clumps, of_members["of_grain"][order], of_members["arm"])
 
     def _number(self, of_clumps: dict[str, np.ndarray], of: np.ndarray, arm: np.ndarray) -> None:
         """Take the arrays over, with the clumps in the order of their members."""
@@ -219,15 +220,15 @@ class ClumpState:
     def arrays(self, rank: np.ndarray) -> dict[str, np.ndarray]:
         """What a checkpoint holds: arrays by name, clumps and grains in order of id; motion at the present time, just read."""
         slots, _ = self.in_order(rank)
-        of_clumps, others = self._values()
+        of_clumps, of_members = self._values()
         out = {name: values[slots] for name, values in of_clumps.items() if name not in ("first", "shape")}
         number = np.full(len(self) + 1, NONE)
         number[slots] = np.arange(len(slots))
-        of = others["of_grain"]
+        of = of_members["of_grain"]
         arm = np.zeros((len(of), 3))
         member = np.flatnonzero(of != NONE)
         row = of_clumps["shape"][of[member]] + member - of_clumps["first"][of[member]]
-        arm[member] = others["arm"][row, :3]
+        arm[member] = of_members["arm"][row, :3]
         out |= {"of_grain": number[of[rank]], "arm": arm[rank]}
         out |= {"template": self.template[slots], "axes": self.axes[slots], "reading": self.reading.numpy()[slots]}
         return {f"clump_{name}": values for name, values in out.items()}
@@ -246,6 +247,6 @@ class ClumpState:
         """As ``State.copied``."""
         out = copy.copy(self)
         out._struct = None
-        for name in (*HERE, *OTHERS, *OF_STEP):
+        for name in (*CLUMP_ARRAYS, *MEMBER_ARRAYS, *OF_STEP):
             setattr(out, name, take(f"clumps {name}", getattr(self, name)))
         return out

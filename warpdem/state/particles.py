@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 import warp as wp
 
+from warpdem.core.array_view import array_view
 from warpdem.core.huge_pages import in_huge_pages
 from warpdem.filling.initial_grains import InitialGrains
 from warpdem.kernels import clump, grain
@@ -181,9 +182,7 @@ class State:
                 room = self._room[name] = wp.empty((n + n // 8 + 64, *array.shape[1:]), dtype=array.dtype, device=self.device)
                 wp.copy(room, array, count=array.size)
             wp.copy(room, new, dest_offset=there * (new.size // len(new)), count=new.size)
-            both: wp.array = wp.array(ptr=room.ptr, shape=(n, *array.shape[1:]), dtype=array.dtype, device=self.device)
-            both._ref = room  # type: ignore[assignment]  # as in Warp's own views: it holds the memory
-            setattr(self, name, both)
+            setattr(self, name, array_view(room, (n, *array.shape[1:]), array.dtype))
         if self.clumps is not None and more.clumps is not None:
             self.clumps.add(more.clumps, there)
         self.next_id = max(self.next_id, more.next_id)

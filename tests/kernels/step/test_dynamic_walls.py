@@ -6,6 +6,7 @@ import warp as wp
 from warpdem.kernels.step.dynamic_walls import NUMBERS, STATE, displaced, rotation_about
 from warpdem.kernels.step.schedule import Placement
 
+from placements import moving_axes, point_and_velocity
 from warpdem import Scene, Simulation
 from warpdem.core import rigid_motion
 
@@ -26,16 +27,9 @@ def turn(axis: wp.vec3d, angle: wp.float64, out: wp.array(dtype=wp.mat33d)):
     out[0] = rotation_about(axis, angle)
 
 
-def outer():
-    """Axes that are turned, shifted and move."""
-    rng = np.random.default_rng(1)
-    axes = np.eye(3) + rigid_motion.rotation_increment(rigid_motion.unit([1, 2, 3]), np.array([0.7]))[0].astype(float)
-    return np.concatenate([axes.ravel(), rng.normal(size=15)])
-
-
 def displacement(turns, s, u):
     out = wp.zeros(1, dtype=Placement, device="cpu")
-    given = wp.array(outer()[None], dtype=Placement, device="cpu")
+    given = wp.array(moving_axes()[None], dtype=Placement, device="cpu")
     inputs = [given, float(turns), wp.vec3d(*AXIS), wp.vec3d(*ORIGIN), s, u, out]
     wp.launch(place, dim=1, inputs=inputs, device="cpu")
     return out.numpy()[0]
@@ -49,16 +43,10 @@ def test_the_rotation_is_that_of_the_angle(angle):
     np.testing.assert_allclose(out.numpy()[0], exact, rtol=0, atol=1e-15 * max(abs(angle), 1.0))
 
 
-def point_and_velocity(p, body):
-    """Where a body point is [m], and how fast it moves."""
-    where = p[:9].reshape(3, 3) @ body + p[9:12]
-    return where, p[15:18] + np.cross(p[12:15], where)
-
-
 @pytest.mark.parametrize("turns", [0, 1])
 def test_points_go_along_or_about_the_axis_and_their_velocity_is_the_change(turns):
     """Velocity of a body point: that of the axes it moves in, and the derivative of its place in them."""
-    p, s, u, h = outer(), 0.4, 1.7, 1e-6
+    p, s, u, h = moving_axes(), 0.4, 1.7, 1e-6
     body = np.array([0.1, 0.9, -0.3])
     found, velocity = point_and_velocity(displacement(turns, s, u), body)
     ahead, _ = point_and_velocity(displacement(turns, s + h * u, u), body)
@@ -75,7 +63,7 @@ def test_points_go_along_or_about_the_axis_and_their_velocity_is_the_change(turn
 
 def test_the_velocity_of_the_surface_turns_with_the_wall():
     """Vectors in body axes keep their components there."""
-    before, after = outer(), displacement(1, 0.4, 0.0)
+    before, after = moving_axes(), displacement(1, 0.4, 0.0)
     for first in (18, 21):
         one = before[:9].reshape(3, 3).T @ before[first : first + 3]
         other = after[:9].reshape(3, 3).T @ after[first : first + 3]

@@ -1,0 +1,12 @@
+"""Views of the memory of Warp arrays, as arrays of another shape and type."""
+
+from typing import Any
+
+import warp as wp
+
+
+def array_view(memory: wp.array[Any], shape: tuple[int, ...], dtype: type) -> wp.array[Any]:
+    """The first numbers of an array's memory as an array of this shape and type; it holds the memory as long as it is there."""
+    out: wp.array[Any] = wp.array(ptr=memory.ptr, shape=shape, dtype=dtype, device=memory.device)
+    out._ref = memory  # type: ignore[assignment]  # as in Warp's own views
+    return out
