@@ -8,6 +8,7 @@ import subprocess
 import sys
 import threading
 from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
 
 import psutil
 import pytest
@@ -90,6 +91,29 @@ def test_many_at_once_have_it_one_at_a_time(tmp_path):
         list(pool.map(one, range(8)))
     assert max(most) == 1 and len(got) >= 8
     assert not [path for path in tmp_path.rglob("*") if path.is_file()]
+
+
+def test_a_folder_removed_as_it_was_found_is_created_again(tmp_path, monkeypatch):
+    """Another run ends between the refusal to create its folder and the look at what stands there."""
+    real, refused, folder = Path.mkdir, [], tmp_path / "out" / "bed"
+
+    def mkdir(path, *args, **kwargs):
+        if path == folder and len(refused) < 3:
+            refused.append(path)
+            raise FileExistsError(errno.EEXIST, os.strerror(errno.EEXIST), str(path))
+        real(path, *args, **kwargs)
+
+    monkeypatch.setattr(Path, "mkdir", mkdir)
+    with locked(folder):
+        assert is_locked(folder)
+    assert len(refused) == 3 and list(tmp_path.iterdir()) == []
+
+
+def test_a_file_in_place_of_the_folder_is_named(tmp_path):
+    (tmp_path / "out").touch()
+    with pytest.raises(OutputError, match="out: cannot be written .File exists."), locked(tmp_path / "out"):
+        pass
+    assert (tmp_path / "out").is_file()
 
 
 def test_a_lock_that_its_owner_has_just_removed_is_none(tmp_path, monkeypatch):

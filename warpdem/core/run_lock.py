@@ -10,6 +10,7 @@ import errno
 import json
 import os
 import platform
+import stat
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
@@ -89,9 +90,7 @@ def locked(folder: Path) -> Iterator[RunLock]:
         yield lock
     finally:
         lock.release()
-        with suppress(OSError):  # not empty: nor are the folders above
-            for path in reversed(created):
-                path.rmdir()
+        _remove_empty(created)
 
 
 def is_locked(folder: Path) -> bool:
@@ -138,9 +137,7 @@ def _acquire(folder: Path) -> tuple[RunLock, list[Path]]:
             last = error
         except BaseException as error:
             _close(descriptor)
-            for path in reversed(created):
-                with suppress(OSError):
-                    path.rmdir()
+            _remove_empty(created)
             if isinstance(error, OSError):
                 raise not_written(folder, error) from error
             raise
@@ -148,15 +145,29 @@ def _acquire(folder: Path) -> tuple[RunLock, list[Path]]:
 
 
 def _create(folder: Path, created: list[Path]) -> None:
-    """Create ``folder`` and its parents; appends the new folders to ``created``, outermost first."""
+    """Create ``folder`` and its parents; appends the new folders to ``created``, outermost first.
+
+    Raises:
+        FileNotFoundError: A folder that existed was removed meanwhile, by a run that ended.
+    """
     for path in reversed([folder, *folder.parents]):
         try:
             path.mkdir()
-        except OSError:  # it exists, perhaps where nothing can be created
+        except FileExistsError:
+            if not stat.S_ISDIR(path.stat().st_mode):
+                raise
+        except OSError:  # on some file systems the answer for a folder in which nothing can be created
             if not path.is_dir():
                 raise
         else:
             created.append(path)
+
+
+def _remove_empty(folders: list[Path]) -> None:
+    """Remove those of the folders, outermost first, that are empty; one that was created twice stands there twice."""
+    for path in reversed(folders):
+        with suppress(OSError):
+            path.rmdir()
 
 
 def _open(path: Path) -> tuple[int, bool]:
