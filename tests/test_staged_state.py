@@ -141,7 +141,7 @@ def test_contacts_that_were_not_asked_for_are_not_those_of_a_later_time(sim):
 def test_walls_and_grains_are_read_of_an_instant_without_contacts(sim):
     """As of a frame that shows no contacts: the loads on walls are told, what the springs store is not."""
     there = Totals(sim.view)
-    assert len(there.contacts) > 5
+    assert len(there.part.contacts) > 5
     still = Totals(StagedState(sim.view, StagingBuffer(sim.device), contacts=False).view())
     np.testing.assert_array_equal(still.walls, there.walls)
     np.testing.assert_array_equal(still.grains["momentum"], there.grains["momentum"])

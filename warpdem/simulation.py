@@ -99,7 +99,7 @@ class Simulation(RecordedRun):
         if count < 0:
             raise ValueError(f"step({count}): must be 0 or more; time does not run back")
         if self.live.totals is not None and not self.live.totals.start:
-            Budget(self.view).begin()
+            Budget(self.evaluated).begin()
         last = self.step_number + count
         while self.step_number < last:
             self.loop.advance(min(last, self.guards.next_look) - self.step_number)
@@ -133,9 +133,14 @@ class Simulation(RecordedRun):
         """Number of the first step at or after ``time`` [s]; round-off of the division does not add one."""
         return math.ceil(time / self.dt - 1.0e-9)
 
-    def prepare(self) -> None:
+    def evaluate(self) -> None:
         """Evaluate the forces of the present time if they are not: what every reader asks for first."""
-        self.loop.prepare()
+        self.loop.evaluate()
+
+    def prepare(self) -> None:
+        """The same; over ranks all grains and contacts are gathered too."""
+        self.evaluate()
+        self.live.gather()
 
     def set_motion(self, wall: str, motion: Any) -> None:
         """Give a wall another motion from the next step on, from where it is now.

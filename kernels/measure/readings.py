@@ -208,15 +208,26 @@ def furthest_behind(
 
 
 @wp.kernel(enable_backward=False, module=SHARED_READERS)
-def rounded_sums(
-    rows: int, sums: wp.array3d(dtype=wp.int64), value_out: wp.array(dtype=wp.float64)
+def joined_sums(
+    rows: int, sums: wp.array3d(dtype=wp.int64), digits_out: wp.array2d(dtype=wp.int64)
 ):
-    """Each sum, rounded; all are then zero again."""
+    """The digits of each sum, those of all rows added up, shape (columns, digits); all rows are then zero again."""
     c = wp.tid()
-    value_out[c] = rounded(rows, c, sums)
-    for r in range(rows):
-        for k in range(sums.shape[2]):
+    for k in range(sums.shape[2]):
+        total = wp.int64(0)
+        for r in range(rows):
+            total += sums[r, c, k]
             sums[r, c, k] = wp.int64(0)
+        digits_out[c, k] = total
+
+
+@wp.kernel(enable_backward=False, module=SHARED_READERS)
+def rounded_sums(
+    parts: int, sums: wp.array3d(dtype=wp.int64), value_out: wp.array(dtype=wp.float64)
+):
+    """Each sum, over the digits of all ``parts`` of a run, rounded; they are used up."""
+    c = wp.tid()
+    value_out[c] = rounded(parts, c, sums)
 
 
 @wp.kernel(enable_backward=False, module=SHARED_READERS)

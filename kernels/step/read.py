@@ -185,6 +185,9 @@ def build(
             kick = kick_time(control.row[s])
             done = kick - wp.float64(0.5) * model.dt
             i = contacts.owner[p, k]
+            if wp.static(ranks):
+                if i >= contacts.owned:
+                    return
             j = contacts.partner[p, k]
             gi = grains.record[i]
             gj = grains.record[j]

@@ -123,6 +123,24 @@ def milled() -> Scene:
                          "orientation": True})  # fmt: skip
 
 
+def worn() -> Scene:
+    """A mesh that moves through the grains and wears, a belt, a field with a potential: all columns that are sums."""
+    walls = [{"name": f"p{k}", "material": "a", "plane": {"point": p, "normal": n}} for k, (p, n) in enumerate(BOX)]
+    walls[0]["surface_velocity"] = [0.5, 0, 0]
+    walls.append({"name": "blade", "material": "b", "mesh": BOX_MESH, "scale": [1e-3, 9e-3, 4e-3], "open": True,
+                  "translate": [-6e-3, -4.5e-3, 0.5e-3], "motion": {"velocity": [0.4, 0, 0.3]}})  # fmt: skip
+    measures = {
+        "energy": True, "momentum": True,
+        "flow": [{"name": "disk", "point": [0, 0, 6e-3], "normal": [0, 0, 1], "radius": 4e-3},
+                 {"name": "heavy", "point": [0, 0, 4e-3], "normal": [0, 0, -1], "of": {"material": "b"}}],
+        "wear": {"archard": {"coefficient": 1e-4, "hardness": "1 GPa"}, "finnie": {"pressure": "1 GPa"}},
+    }  # fmt: skip
+    grains = [{"material": kind, **{k: v[part] for k, v in lattice((6, 5, 5), 2.2e-3, (-3.3e-3, -4.4e-3, 1.5e-3), 6).items()}}
+              for kind, part in (("a", slice(0, 80)), ("b", slice(80, 150)))]  # fmt: skip
+    fields = [{"model": "harmonic", "parameters": {"stiffness": 1e-2, "centre": [4e-3, 0, 0.01]}}]
+    return scene("worn", frame={"axis": [0, 1, 0.2], "rate": 20}, walls=walls, grains=grains, measures=measures, fields=fields)
+
+
 def belted() -> Scene:
     """A law of springs that yield and stick by their history, twisting, a belt; speeds are held relative to axes that turn."""
     walls = [{"name": "belt", "material": "a", "plane": {"point": [0, 0, 0], "normal": [0, 0, 1]},
@@ -205,7 +223,7 @@ def soaked() -> Scene:
                   contact={"normal": "hertz", "rolling": "constant", "liquid": "bridge_rabinovich"})  # fmt: skip
 
 
-ALL = stirred, sizes, few, poured, drained, milled, belted, pressed, held, phased, clumped, soaked
+ALL = stirred, sizes, few, poured, drained, milled, worn, belted, pressed, held, phased, clumped, soaked
 SCENES = {one.__name__: one for one in ALL}
 
 

@@ -20,7 +20,12 @@ from warpdem.output.read_vtkhdf import read_vtkhdf
 from warpdem.ranks import launcher
 
 PROGRAM = Path(__file__).parents[1] / "helpers" / "rank_program.py"
-TASKS = [("milled", "3"), ("clumped", "2+3"), ("clumped", "3+1"), ("few", "4"), ("soaked", "2"), ("stirred", "3")]
+TASKS = [("milled", "3"), ("clumped", "2+3"), ("clumped", "3+1"), ("few", "4"), ("soaked", "2"), ("stirred", "3"),
+         ("worn", "2"), ("worn", "3"), ("worn", "4"), ("belted", "3"), ("poured", "2")]
+SUMMED = [("few", "4"), ("stirred", "3"), ("worn", "2"), ("worn", "3"), ("worn", "4"), ("belted", "3"), ("poured", "2")]
+"""Those whose rows are sums, and whose guards need no more."""
+CHECKPOINTS = 1
+"""That all grains are gathered for: the one at the end; at the start they are not dealt out yet."""
 NOT_OF_GRAINS = {"extent", "primvars:displayColor", "dem:groups", "dem:clumps"}
 GRAINS, CLUMPS = "/World/Frame/Grains", "/World/Frame/Clumps"
 
@@ -81,6 +86,21 @@ def test_all_else_is_as_without_pieces(folder, name, size):
         assert len({path.read_bytes() for path in written}) == bool(written)
     hashes = {json.loads((path / "run.json").read_text())["state_hash"] for path in both(folder, name, size)}
     assert len(hashes) == 1
+
+
+@pytest.mark.parametrize(("name", "size"), SUMMED)
+def test_nothing_is_gathered_between_checkpoints(folder, name, size):
+    """Rows of the history, looks of guards and frames in pieces come from what each rank holds, whole columns do not."""
+    record = json.loads((folder / f"{name}-{size}" / "run.json").read_text())
+    rows = (folder / f"{name}-{size}" / "history.csv").read_text().splitlines()
+    assert len(rows) > 4
+    assert [rank["gathers"] for rank in record["ranks"]] == [CHECKPOINTS] * int(size)
+
+
+def test_columns_of_single_grains_are_gathered_for(folder):
+    """Those of regions and observers, so the count above is one of gathers."""
+    record = json.loads((folder / "milled-3" / "run.json").read_text())
+    assert record["ranks"][0]["gathers"] > CHECKPOINTS
 
 
 def test_each_rank_writes_its_own_grains(folder):

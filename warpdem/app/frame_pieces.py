@@ -4,13 +4,13 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+from warpdem.core.snapshot import WallLoad
 from warpdem.measure.snapshot import take_loads
 from warpdem.output import own_pieces
 from warpdem.output.formats import JoiningWriter
 from warpdem.output.own_pieces import OwnPieces
 from warpdem.ranks.front import Front
 from warpdem.simulation import Simulation
-from warpdem.state.view import RunView
 
 
 def in_pieces(sim: Simulation) -> bool:
@@ -33,6 +33,7 @@ class Pieces:
         self._front = sim.loop if isinstance(sim.loop, Front) else None
         self._own: OwnPieces
         self._found: list[list[Any]] = []
+        self._loads: dict[str, WallLoad] = {}
         if self._front is not None:
             self._front.on_all("open_pieces", folder.absolute(), resume)
             self._own = self._front.rank.pieces
@@ -40,20 +41,21 @@ class Pieces:
             self._own = OwnPieces(sim.scene, folder, 0, resume)
 
     def write(self) -> None:
-        """Write the pieces of the present time, all ranks at once.
+        """Write the pieces of the present time, whose forces are evaluated, all ranks at once.
 
         Raises:
             OutputError: a rank cannot write its own.
         """
-        self._found = self._front.write_pieces() if self._front is not None else [self._own.write(self._sim.view)]
+        self._loads = take_loads(self._sim.live)
+        self._found = self._front.write_pieces() if self._front is not None else [self._own.write(self._sim.live)]
 
-    def join(self, view: RunView) -> None:
-        """Write what joins the pieces that were written last; ``view``: the whole run at their time.
+    def join(self) -> None:
+        """Write what joins the pieces that were written last.
 
         Raises:
             OutputError: it cannot be written.
         """
-        around = replace(self._own.around, loads=take_loads(view))
+        around = replace(self._own.around, loads=self._loads)
         for joiner, pieces in zip(self._joiners, zip(*self._found, strict=True), strict=True):
             joiner.join(around, pieces)
 

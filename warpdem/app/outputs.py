@@ -51,7 +51,7 @@ class Outputs:
         for earlier in self.history.earlier:
             sim.rows.add(earlier)
         self.turning = TurningNumbers(sim.scene)
-        self.rows_read_grains = bool(self.turning.motions) or reads_grains(sim.scene)
+        self.rows_read_grains = reads_grains(self.columns)
         load_readers("cpu")  # here: loading is not safe from the thread that reads beside the steps
 
     def write(self, *, row: bool = False, frame: bool = False) -> None:
@@ -65,40 +65,47 @@ class Outputs:
         if self.claim is not None:
             self.claim.check()
         with self.sim.clock("output"):
-            view = self.sim.view
-            if not (frame or self.rows_read_grains):  # sums are few numbers: copying a run takes longer
-                numbers = history_row(self.columns, Readings(view))
-                self.background.start(lambda: self._append(numbers))
-                return
-            output, self.staging = self.sim.scene.output, self.staging[::-1]
-            measures = self.sim.scene.measures
+            view = self.sim.evaluated
+            now = Totals(view)
+            if row:
+                self.turning.add(now)
             if frame and self.pieces is not None:
                 self.background.settle()  # the libraries are called by one thread at a time
                 self.pieces.write()
+            if not (frame and self.writers) and not (row and self.rows_read_grains):
+                # sums are few numbers: copying a run, and gathering it over ranks, takes longer
+                numbers = history_row(self.columns, Readings(view, totals=now)) if row else None
+                self.background.start(lambda: self._finish(numbers, frame))
+                return
+            view.gather()
+            output, self.staging = self.sim.scene.output, self.staging[::-1]
+            measures = self.sim.scene.measures
             network = frame and bool(self.writers) and (output.contacts or measures.grid is not None)
             network |= row and bool(measures.regions or measures.profiles)
             # by kernels and the threads of the run, which no other thread may launch
             observed = observation.observed(view) if row else {}
-            totals = Totals(view).made() if row else None
+            totals = now.made() if row else None
             staged = StagedState(view, self.staging[0], contacts=network)
             self.background.start(lambda: self._write(staged, observed, totals, frame))
 
     def _write(self, staged: StagedState, observed: dict[str, np.ndarray], totals: Totals | None, frame: bool) -> None:
         with self.sim.clock("output, beside the steps"):
-            view = staged.view()
+            view, numbers = staged.view(), None
             if totals is not None:
-                self._append(history_row(self.columns, Readings(view, observed, totals)))
-                self.turning.add(view)
-            if frame and self.pieces is not None:
-                self.pieces.join(view)
+                numbers = history_row(self.columns, Readings(view, observed, totals))
+            self._finish(numbers, frame)
             if frame and self.writers:
                 snapshot = take_snapshot(view)
                 for writer in self.writers:
                     writer.write(snapshot)
 
-    def _append(self, numbers: list[float]) -> None:
-        self.history.write(numbers)
-        self.sim.rows.add(numbers)
+    def _finish(self, numbers: list[float] | None, frame: bool) -> None:
+        """Append a row of the history, and join the pieces of a frame."""
+        if numbers is not None:
+            self.history.write(numbers)
+            self.sim.rows.add(numbers)
+        if frame and self.pieces is not None:
+            self.pieces.join()
 
     def settle(self) -> None:
         """Wait until all rows and frames are written: what is saved next counts on them.

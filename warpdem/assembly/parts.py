@@ -86,9 +86,10 @@ class Parts:
             loop = Front(world, model, state, clock, engine, streams, timers, workers, device)
         sums = model.features.measures.sums
         totals = BudgetTotals.of(sums) if sums else None
+        parts = loop if isinstance(loop, Front) else None
         left, departures = engine.leavers.left, engine.leavers.departures
-        view = RunView(model, state, clock, engine, totals, engine.lists.view, left, departures, workers)
-        guards = Guards(view, loop.prepare, engine.ignore_overlaps)
+        view = RunView(model, state, clock, engine, totals, engine.lists.view, left, departures, workers, parts)
+        guards = Guards(view, loop.evaluate, engine.ignore_overlaps)
         engine.lists.watch_travel = guards.check_travel
         if isinstance(loop, Front):
             loop.rank.notice = guards.notice

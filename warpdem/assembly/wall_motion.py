@@ -18,7 +18,7 @@ def set_motion(run: Parts, wall: str, motion: Any) -> None:
         has = any(one.name == wall for one in model.scene.walls)
         reason = "is not driven: add driven = true to it" if has else "is no wall of the scene"
         raise SceneError(f"set_motion: {wall!r} {reason}; driven walls: {known}")
-    run.loop.prepare()  # whether the forces of the present time were asked for before must not matter
+    run.loop.evaluate()  # whether the forces of the present time were asked for before must not matter
     mesh = model.meshes.get(wall)
     points = mesh.vertices if mesh is not None else np.zeros((0, 3))
     radius = float(model.expected.radius.min(initial=math.inf))

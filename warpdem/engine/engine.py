@@ -1,6 +1,6 @@
 """The engine: owns the lists, the arrays of a batch of steps and the executor; knows nothing of guards, readers and writers."""
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 
 import numpy as np
 import warp as wp
@@ -15,7 +15,7 @@ from warpdem.engine.graph_of_stages import StageExecutor
 from warpdem.engine.leavers import Leavers
 from warpdem.engine.neighbor_list import NeighborLists
 from warpdem.engine.structs import Structs, packed
-from warpdem.kernels.measure import wear, window_sum
+from warpdem.kernels.measure import window_sum
 from warpdem.kernels.measure.budget import Momenta
 from warpdem.kernels.step.structs import SPAN
 from warpdem.model.model import Model
@@ -46,6 +46,7 @@ class Engine:
         lists: neighbor lists and contacts.
         leavers: grains that left the domain.
         executor: how steps are run; the only place where a CPU and a GPU part.
+        read_ghosts: called with what ``read`` gave, velocity and spin: fills in those of grains of other processes.
     """
 
     def __init__(
@@ -62,6 +63,7 @@ class Engine:
         pool, list_build = self.executor.storage.pool, self.executor.list_build
         self.lists = lists(model, state, clock, self.batch, timers, pool, list_build, self.leavers)
         self.structs = Structs(model, state, self.lists)
+        self.read_ghosts: Callable[[wp.array, wp.array], None] = lambda velocity, spin: None
         self.lists.before_build, self.lists.fastest = self._forget, lambda: float(self.extreme[[1, 3]].max())
 
     def _forget(self) -> None:
@@ -189,10 +191,6 @@ class Engine:
         """As ``StepReader.digits``."""
         return {name: window_sum.joined(getattr(self.batch.report, name).numpy()) for name in sorted(self._digits)}
 
-    def read_wear(self) -> np.ndarray:
-        """What wears walls, added up to the last kick, columns as of ``kernels.measure.wear.SUMS``, shape (features, 5)."""
-        return window_sum.rounded(self.batch.report.wear.numpy()).reshape(-1, wear.SUMS.width)
-
     def settle_losses(self) -> None:
         """Before grains leave: what the last forces between grains take over their whole step is added up."""
         if self._model.features.measures.energy and self.lists.contact_count:
@@ -201,12 +199,13 @@ class Engine:
     def read_losses(self) -> np.ndarray:
         """As ``StepReader.read_losses``."""
         there = self.batch.report.losses.numpy()
-        if not (self._state.slots and self.lists.contact_count):
-            return window_sum.rounded(there)
-        half = wp.zeros_like(self.batch.report.losses)
         _, velocity, spin = self.read()
+        self.read_ghosts(velocity, spin)
+        if not (self._state.slots and self.lists.contact_count):
+            return window_sum.joined(there)
+        half = wp.zeros_like(self.batch.report.losses)
         self._of_contacts("read_losses", velocity, spin, half)
-        return window_sum.rounded(np.concatenate([there, half.numpy()]))
+        return window_sum.joined(np.concatenate([there, half.numpy()]))
 
     def _of_contacts(self, kernel: str, *arrays: wp.array) -> None:
         """Launch a kernel of ``model.kernels.read`` over the contacts between grains."""

@@ -35,7 +35,7 @@ class RunLoop:
         self.steps_done = 0
         self.after_insertion: Callable[[np.ndarray], None] = lambda slots: None
 
-    def prepare(self) -> None:
+    def evaluate(self) -> None:
         """Evaluate the forces of the present time if they are not."""
         if not self._clock.forces_evaluated:
             self.advance(0)

@@ -61,10 +61,11 @@ class EnergyGuard:
             return None
         energy = now.energy
         stored = sum(abs(energy[name]) for name in STORED)  # contacts that attract hold a negative energy
-        surplus = self._unexplained(now, stored) if self._budget else self._risen(view, sum(energy.values()), stored)
+        surplus = self._unexplained(now, stored) if self._budget else self._risen(view, now.count, sum(energy.values()), stored)
         at_hand = self._next.largest
         if surplus <= SHARE * at_hand:
             return None
+        view.gather()
         p = observers.Particles(view)
         if surplus <= rounding_energy(energy.values(), p.mass, p.position, view.clock.dt):
             return None
@@ -88,10 +89,10 @@ class EnergyGuard:
         """Take over what ``state`` gave."""
         self._reference = self._next = EnergyReference(**{**state, "known": tuple(state["known"])})
 
-    def _risen(self, view: RunView, total: float, stored: float) -> float:
-        """Rise over the least energy so far [J]."""
+    def _risen(self, view: RunView, count: int, total: float, stored: float) -> float:
+        """Rise of the energy of ``count`` grains over the least so far [J]."""
         reference = self._reference
-        known = (view.state.next_id, len(view.state))
+        known = (view.state.next_id, count)
         if known != reference.known:
             reference = EnergyReference(known)
         self._next = EnergyReference(known, min(reference.least, total), max(reference.largest, stored))

@@ -16,7 +16,8 @@ from warpdem.guards.verdict import Verdict, at_time, grain_at
 from warpdem.kernels import grain
 from warpdem.kernels.measure import readings as kernels
 from warpdem.kernels.step.schedule import Placement
-from warpdem.measure.totals import Totals, reader_of
+from warpdem.measure.part import Part
+from warpdem.measure.totals import Totals
 from warpdem.mesh.triangle_mesh import TriangleMesh, signed_distance
 from warpdem.state.view import RunView
 
@@ -52,9 +53,10 @@ class SideGuard:
 
     def look(self, view: RunView, now: Totals) -> Verdict | None:
         """Which grain is on another side than the one it was first seen on, None if none is."""
-        behind = self._shapes and _furthest_behind(view, now) > ALLOWED - ROUNDING
+        behind = self._shapes and max(now.each(furthest_behind)) > ALLOWED - ROUNDING
         if not (self._meshes or behind):
             return None
+        view.gather()
         wrong = []
         position, radius = view.state.by_id(grain.POSITION), view.state.by_id(grain.RADIUS)
         ids, distance = self._distances(view)
@@ -149,14 +151,14 @@ def _searched(mesh: TriangleMesh, points: np.ndarray) -> np.ndarray:
     return signed_distance(mesh, points)[0]
 
 
-def _furthest_behind(view: RunView, now: Totals) -> float:
-    """The most that any grain is behind an analytic wall that has a solid side, in its radii."""
-    walls, state, reader = view.model.walls, view.state, reader_of(view)
+def furthest_behind(part: Part) -> float:
+    """The most that any grain of a process is behind an analytic wall that has a solid side, in its radii."""
+    walls, state, reader = part.view.model.walls, part.view.state, part.reader
     assert walls is not None
-    bodies: wp.array = wp.array(now.bodies, dtype=Placement, device=view.model.device)
+    bodies: wp.array = wp.array(part.bodies, dtype=Placement, device=part.view.model.device)
     most = reader.buffer("behind", (reader.rows, 1), wp.float64)
     most.fill_(-np.inf)
-    reader.add(kernels.furthest_behind, state.slots, reader.plain("record", state.record), walls.surface, bodies, most)
+    reader.add(kernels.furthest_behind, state.owned, reader.plain("record", state.record), walls.surface, bodies, most)
     return float(most.numpy().max())
 
 

@@ -27,6 +27,7 @@ from warpdem.kernels.contact.normal_law import ROLLING_MASS
 from warpdem.measure.contact_columns import ContactColumns
 from warpdem.measure.elastic import LEAST_OVERLAP, normal_secant, normal_slope
 from warpdem.measure.observers import Contacts, Particles, coefficients_of, read_contacts
+from warpdem.measure.part import Part
 from warpdem.measure.totals import Totals
 from warpdem.model.impact import damping_coefficient, dashpot_slope
 from warpdem.scene.messages import rounded_down
@@ -132,12 +133,16 @@ def stiffest_mode(s: Springs, mass: np.ndarray, inertia: np.ndarray) -> tuple[fl
     return square, share, int(rows[np.argmax(np.einsum("ij,ij->i", before[:n], before[:n]))])
 
 
-def least_limit(s: Springs, estimates: np.ndarray, dt: float) -> float:
-    """A time step [s] that no limit is below if ``dt`` is not over it, by the contact with the most damping at ``dt``."""
+def worst_of(s: Springs, estimates: np.ndarray, dt: float) -> tuple[float, float]:
+    """Largest damping ratio of a contact at ``dt`` [-], and largest of the estimates: what ``least_limit`` goes by."""
     acting = s.acting(dt)
     ratio = acting / (2.0 * np.sqrt(np.maximum(s.stiffness, 1.0e-300) * s.mass))
-    z = float(ratio.max())
-    return 2.0 / np.sqrt(estimates.max()) * (np.sqrt(1.0 + 4.0 * z * z) - 2.0 * z)
+    return float(ratio.max()), float(estimates.max())
+
+
+def least_limit(z: float, estimate: float) -> float:
+    """A time step [s] that no limit is below if the step of ``worst_of`` is not over it."""
+    return float(2.0 / np.sqrt(estimate) * (np.sqrt(1.0 + 4.0 * z * z) - 2.0 * z))
 
 
 def stable_step(s: Springs, mass: np.ndarray, inertia: np.ndarray) -> tuple[float, int]:
@@ -245,10 +250,11 @@ class Ratio(NamedTuple):
 def _step_ratio(view: RunView, now: Totals) -> Ratio:
     """Of the grains, every wall being as if it could not be pushed."""
     dt, none = view.clock.dt, Ratio(0.0, np.inf, "")
-    if view.model.features.backend.integrator != "exact_drift" or _far_below(view, now.contacts):
+    if view.model.features.backend.integrator != "exact_drift" or _far_below(now):
         return none
+    view.gather()
     found, p = springs(view, read_contacts(view)), Particles(view)
-    if not len(found.i) or _estimate(found, p.mass, dt) <= 1.0:
+    if not len(found.i) or dt / least_limit(*worst_of(found, rate_estimates(found, p.mass), dt)) <= 1.0:
         return none
     limit, worst = stable_step(found, p.mass, p.inertia)
     remedy = "Take a smaller time.step, or a larger time.max_speed for step = 'auto'"
@@ -259,9 +265,12 @@ def _wall_ratio(view: RunView, now: Totals) -> Ratio:
     """Of the free walls, each with the grains that it touches."""
     dt, worst = view.clock.dt, Ratio(0.0, np.inf, "", WALL_DANGER)
     free = [one for one in view.model.schedule.dynamic if not isinstance(one.given, Servo)]
-    if not free or not len(now.contacts) or view.model.features.backend.integrator != "exact_drift":
+    if not free or view.model.features.backend.integrator != "exact_drift":
         return worst
+    view.gather()
     contacts, p = read_contacts(view), Particles(view)
+    if not len(contacts.i):
+        return worst
     found = springs(view, contacts)
     touching = contacts.only(contacts.overlap > 0.0)
     for one in free:
@@ -278,14 +287,17 @@ def _wall_ratio(view: RunView, now: Totals) -> Ratio:
     return worst
 
 
-def _far_below(view: RunView, contacts: ContactColumns) -> bool:
+def _far_below(now: Totals) -> bool:
     """Whether the estimate is below the limit whatever the order of its sums: then nothing is sorted by ids."""
+    found = [one for one in now.each(own_worst) if one is not None]
+    return not found or now.view.clock.dt / least_limit(*(max(values) for values in zip(*found, strict=True))) < 1.0 - ROUNDING
+
+
+def own_worst(part: Part) -> tuple[float, float] | None:
+    """``worst_of`` the grains of a process, with all their contacts; None where nothing touches."""
+    view, contacts = part.view, part.contacts
     i, j = contacts.slots()
     radius, mass = view.state.record.numpy()[:, grain.RADIUS], 1.0 / view.state.inverse.numpy()[:, 0]
     found = _springs(view, contacts, contacts.coefficients, i, j, radius, mass)
-    return not len(found.i) or _estimate(found, mass, view.clock.dt) < 1.0 - ROUNDING
-
-
-def _estimate(s: Springs, mass: np.ndarray, dt: float) -> float:
-    """Time step over the least that the limit can be [-]."""
-    return dt / least_limit(s, rate_estimates(s, mass), dt)
+    # grains of other processes too, of which not all contacts are here: their estimates are no larger than they are there
+    return worst_of(found, rate_estimates(found, mass), view.clock.dt) if len(found.i) else None

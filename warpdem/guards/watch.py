@@ -14,6 +14,9 @@ resume. What a guard keeps from one look to the next is part of a checkpoint. A 
 asks before it saves a checkpoint, without keeping anything: a state that is not sound is not saved over a good one, and
 the run goes on to its next look. Guards only read. With engine.guards = "record" each notes what it saw first, and the run
 goes on.
+
+A look begins with sums and largest values, which each process of a run gives of its own grains and contacts. All grains are
+gathered (``RunView.gather``) where these alone leave a verdict open, and at each look where walls are closed meshes or free.
 """
 
 from collections.abc import Callable, Mapping
@@ -49,7 +52,7 @@ class Guards:
 
     Args:
         view: the run.
-        prepare: evaluates the forces of the present time if they are not.
+        evaluate: evaluates the forces of the present time if they are not.
         ignore_overlaps: lets batches of steps go on whatever the overlaps.
 
     Attributes:
@@ -57,8 +60,8 @@ class Guards:
         next_look: step of the next look.
     """
 
-    def __init__(self, view: RunView, prepare: Callable[[], None], ignore_overlaps: Callable[[], None]) -> None:
-        self.view, self._prepare, self._ignore_overlaps = view, prepare, ignore_overlaps
+    def __init__(self, view: RunView, evaluate: Callable[[], None], ignore_overlaps: Callable[[], None]) -> None:
+        self.view, self._evaluate, self._ignore_overlaps = view, evaluate, ignore_overlaps
         self._stops = view.model.scene.engine.guards == "stop"
         self.noticed: dict[str, str] = {}
         self.travel, self.overlap, self.energy = TravelGuard(view.model), OverlapGuard(view.model), EnergyGuard(view.model)
@@ -126,9 +129,9 @@ class Guards:
 
     def _verdicts(self) -> list[Verdict]:
         """What is wrong now."""
-        if not len(self.view.state):
+        if not Totals(self.view).count:
             return []
-        self._prepare()
+        self._evaluate()
         now = Totals(self.view)
         found = [guard.look(self.view, now) for guard in self._looking]
         return [verdict for verdict in found if verdict is not None]
@@ -139,7 +142,8 @@ class Guards:
         if self.overlap.NAME in self.noticed or not self.overlap.is_exceeded(met):
             return
         self._ignore_overlaps()
-        self._prepare()
+        self._evaluate()
+        self.view.gather()
         self.notice(self.overlap.look(self.view, met, self.stability.excess))
 
     # -- checkpoint -----------------------------------------------------------------------------

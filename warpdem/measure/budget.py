@@ -31,7 +31,8 @@ from warpdem.measure import observers
 from warpdem.measure.contact_columns import ContactColumns
 from warpdem.measure.elastic import elastic_energies
 from warpdem.measure.selection import Slots, selected_flow
-from warpdem.measure.totals import Totals, reader_of
+from warpdem.measure.sums import reader_of
+from warpdem.measure.totals import Totals
 from warpdem.state.particles import State
 from warpdem.state.view import RunView
 
@@ -68,7 +69,7 @@ class Budget:
             works[one.number] += one.value("correction")
         measures = view.model.features.measures
         by_name, dissipated = dict(zip((*ENERGIES, *measures.losses), sums, strict=True)), measures.of_contacts
-        for name, lost in zip(dissipated, view.reader.read_losses().tolist(), strict=True):
+        for name, lost in zip(dissipated, now.losses.tolist(), strict=True):
             by_name[name] += lost
         out = {f"elastic_{kind}": energy for kind, energy in now.elastic.items()}
         out |= {f"dissipated_{name}": by_name[name] for name in dissipated}

@@ -34,6 +34,8 @@ class Column:
     """Unit, such as ``J``; ``-`` for a pure number."""
     read: Callable[[Readings], float]
     """The number [unit] at the time of the readings."""
+    whole: bool = False
+    """Whether it reads grains or contacts one by one, and not only sums over them: over ranks all are gathered for it."""
 
     @property
     def header(self) -> str:
@@ -105,7 +107,7 @@ class Readings:
     @cached_property
     def wear(self) -> dict[str, WallWear]:
         """Wear of each wall by its name."""
-        return read_wear(self.view)
+        return read_wear(self.view, self.totals)
 
     @cached_property
     def departed(self) -> Departed:

@@ -106,6 +106,15 @@ class ContactColumns:
     def __len__(self) -> int:
         return self.pairs + len(self._g)
 
+    @property
+    def counted(self) -> np.ndarray | None:
+        """Those that count in this process, where they are in the lists of others too; None: all."""
+        state = self._state
+        if not state.ghosts:
+            return None
+        own = self._a < state.owned
+        return np.flatnonzero(self._joined(own, np.ones(len(self._g), dtype=bool)))
+
     def _joined(self, of_pairs: np.ndarray, at_walls: np.ndarray) -> np.ndarray:
         return np.concatenate([of_pairs, at_walls]) if self._walls else of_pairs
 

@@ -19,14 +19,17 @@ flow as normal to the axis. Ro well below 1: the Coriolis force governs; above 1
 
 import functools
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
 from warpdem.core.rigid_motion import compose
 from warpdem.measure.observers import Particles
+from warpdem.measure.part import Part
+from warpdem.measure.sums import reader_of
+from warpdem.measure.totals import Totals
 from warpdem.scene.model import Scene
 from warpdem.scene.motion_chain import Chain, frame_chain, wall_chain
-from warpdem.state.view import RunView
 
 
 @dataclass(frozen=True)
@@ -60,6 +63,36 @@ def rotating_axes(scene: Scene) -> tuple[str, list[Chain]] | None:
     return f"wall {wall.name}", [frame, chain] if wall.fixed_to == "frame" else [chain]
 
 
+class Axes(NamedTuple):
+    """Axes that rotate, at one time."""
+
+    spin: np.ndarray
+    """Angular velocity along the axes [rad/s], shape (3,)."""
+    velocity: np.ndarray
+    """Velocity of the origin along the axes [m/s], shape (3,)."""
+    axes: np.ndarray
+    """From the axes to the laboratory, shape (3, 3)."""
+    origin: np.ndarray
+    """In the laboratory [m], shape (3,)."""
+
+    @property
+    def rate(self) -> float:
+        """Size of the angular velocity [rad/s]."""
+        return float(np.linalg.norm(self.spin))
+
+
+def own_motion(part: Part, axes: Axes) -> tuple[np.ndarray, float]:
+    """``digits`` of mass and mass times square of relative speed of the grains of a process; their largest distance [m]."""
+    p, own = Particles(part.view), part.view.state.rank < part.view.state.owned
+    mass, place = p.mass[own], (p.position_lab[own] - axes.origin) @ axes.axes
+    carried = axes.velocity + np.cross(axes.spin, place)
+    relative = p.velocity_lab[own] @ axes.axes - carried
+    # |w x (u + w x q)| = w^2 times the distance from the line on which u + w x q is along w
+    distance = np.linalg.norm(np.cross(axes.spin, carried), axis=1) / axes.rate**2
+    square = mass * np.einsum("ij,ij->i", relative, relative)
+    return part.reader.column_digits(mass, square), float(distance.max(initial=0.0))
+
+
 class TurningNumbers:
     """Sums over times of a run.
 
@@ -74,28 +107,21 @@ class TurningNumbers:
         self.axes, self.motions = rotating_axes(scene) or ("", [])
         self.times, self.square_rate, self.square_speed, self.radius = 0, 0.0, 0.0, 0.0
 
-    def add(self, view: RunView) -> None:
+    def add(self, now: Totals) -> None:
         """Take in one time of a run of the scene, unless the axes rest at it."""
-        if not self.motions or not len(view.state):
+        if not self.motions or not now.count:
             return
-        now = np.array([view.clock.time])
-        pose = functools.reduce(compose, [motion.pose(now) for motion in self.motions])
-        spin, velocity, axes, origin = (
-            values[0].astype(float) for values in (pose.spin, pose.velocity, pose.axes, pose.origin)
-        )
-        rate = float(np.linalg.norm(spin))
-        if rate == 0.0:
+        time = np.array([now.view.clock.time])
+        pose = functools.reduce(compose, [motion.pose(time) for motion in self.motions])
+        axes = Axes(*(values[0].astype(float) for values in (pose.spin, pose.velocity, pose.axes, pose.origin)))
+        if axes.rate == 0.0:
             return
-        p = Particles(view)
-        mass, place = p.mass, (p.position_lab - origin) @ axes
-        carried = velocity + np.cross(spin, place)
-        relative = p.velocity_lab @ axes - carried
-        # |w x (u + w x q)| = w^2 times the distance from the line on which u + w x q is along w
-        distance = np.linalg.norm(np.cross(spin, carried), axis=1) / rate**2
+        found = now.each(functools.partial(own_motion, axes=axes))
+        mass, square = reader_of(now.view).rounded([digits for digits, _ in found]).tolist()
         self.times += 1
-        self.square_rate += rate**2
-        self.square_speed += float(mass @ np.sum(relative**2, axis=1) / mass.sum())
-        self.radius = max(self.radius, float(distance.max()))
+        self.square_rate += axes.rate**2
+        self.square_speed += square / mass
+        self.radius = max(self.radius, *(radius for _, radius in found))
 
     def result(self) -> Turning | None:
         """The numbers of all times so far; None if nothing rotated at any of them."""

@@ -6,12 +6,14 @@ holds to the last count at any time: nothing here is a difference of the other t
 """
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
 from warpdem.errors import SceneError
 from warpdem.kernels.contact.films import FILM_AT, RELEASED
 from warpdem.kernels.contact.liquid import COUNT
+from warpdem.measure.part import Each, Part
 from warpdem.state.liquid_account import gifts
 from warpdem.state.listed_contacts import ListedContacts
 from warpdem.state.view import RunView
@@ -44,12 +46,22 @@ class LiquidTotals:
         return float(getattr(self, name) * self.quantum)
 
 
-def read_liquid(view: RunView, contacts: ListedContacts | None = None) -> LiquidTotals:
+class LiquidCounts(NamedTuple):
+    """What the grains and contacts of one process hold [counts]; they add up to ``LiquidTotals``."""
+
+    films: int
+    bridges: int
+    bridge_count: int
+    from_walls: int
+    left: int
+
+
+def read_liquid(each: Each, view: RunView) -> LiquidTotals:
     """The liquid of a run at the time of the view.
 
     Args:
+        each: of ``Totals``.
         view: the run, the forces of its present time evaluated.
-        contacts: the contacts of its lists, where the reader has asked for them already.
 
     Raises:
         SceneError: the scene has no law of bridges.
@@ -57,15 +69,26 @@ def read_liquid(view: RunView, contacts: ListedContacts | None = None) -> Liquid
     state, liquid = view.state, view.model.liquid
     if liquid is None or state.film is None:
         raise SceneError(f'{view.model.scene.source}: contact.liquid = "none": there is no liquid')
-    film = state.film.numpy()
-    present, gone = film[state.here].sum(axis=0), film[~state.here].sum(axis=0) + state.liquid_left
+    found = LiquidCounts(*(sum(each_one) for each_one in zip(*each(own_liquid), strict=True)))
+    gone = state.liquid_left
+    left = found.left + int(gone[FILM_AT.film] + gone[FILM_AT.returned])
+    drawn = found.from_walls + int(gone[FILM_AT.drawn])
+    return LiquidTotals(found.films, found.bridges, found.bridge_count, drawn, left, liquid.quantum)
+
+
+def own_liquid(part: Part) -> LiquidCounts:
+    """What the grains of one process hold, those that have left but are still in memory too."""
+    view, state = part.view, part.view.state
+    assert state.film is not None
+    film, here = state.film.numpy()[: state.owned], state.here[: state.owned]
+    present, gone = film[here].sum(axis=0), film[~here].sum(axis=0)
     held, count, given, lost = 0, 0, 0, 0
     if len(state):
-        lists = contacts or view.contacts
+        lists = part.listed
         held, count, given, lost = (a + b for a, b in zip(_of_pairs(view, lists), _at_walls(view, lists), strict=True))
     films = int(present[FILM_AT.film] + present[FILM_AT.returned]) + given
     left = int(gone[FILM_AT.film] + gone[FILM_AT.returned]) + lost
-    return LiquidTotals(films, held, count, int(present[FILM_AT.drawn] + gone[FILM_AT.drawn]), left, liquid.quantum)
+    return LiquidCounts(films, held, count, int(present[FILM_AT.drawn] + gone[FILM_AT.drawn]), left)
 
 
 def _of_pairs(view: RunView, lists: ListedContacts) -> tuple[int, int, int, int]:
@@ -74,9 +97,12 @@ def _of_pairs(view: RunView, lists: ListedContacts) -> tuple[int, int, int, int]
         return 0, 0, 0, 0
     assert lists.history is not None and lists.slot_i is not None and lists.slot_force is not None
     history = lists.history.numpy()[:, view.model.features.contact.history.of(COUNT), :].ravel()
+    owned = view.state.owned
     real = lists.slot_i.numpy().ravel() < lists.slot_force.shape[0] - 1
+    if view.state.ghosts:
+        real &= lists.owner.numpy().ravel() < owned
     held = history[real & (history > 0.0)]
-    given, here = gifts(lists, view.state.slots), view.state.here
+    given, here = gifts(lists, view.state.slots)[:owned], view.state.here[:owned]
     return int(held.astype(np.int64).sum()), len(held), int(given[here].sum()), int(given[~here].sum())
 
 

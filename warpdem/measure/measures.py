@@ -119,7 +119,7 @@ def region_columns(region: Region) -> list[Column]:
     """Bulk properties of a region."""
     shared = () if not has_share(region) else SHARED if region.of is None else SHARED[:SOLID]
     return [
-        Column(f"region {region.name} {name}", unit, _in_region(region, read))
+        Column(f"region {region.name} {name}", unit, _in_region(region, read), whole=True)
         for name, unit, read in (*REGION, *shared, *PLACE, *(FABRIC if region.fabric else ()))
     ]
 
@@ -182,4 +182,4 @@ def _mixing(asked: Mixing) -> Column:
         first, known = kinds(asked.by, readings.particles, readings.view.model.expected)
         return float(lacey_index(first[known], readings.particles.position[known], asked.cell))
 
-    return Column(f"mixing {asked.name}", "-", index)
+    return Column(f"mixing {asked.name}", "-", index, whole=True)

@@ -44,7 +44,7 @@ def observe(view: RunView, name: str) -> np.ndarray:
 def columns(scene: Scene) -> list[Column]:
     """The columns of all observers of a scene in history.csv: "NAME REDUCTION [UNIT]"."""
     return [
-        Column(f"{one.name} {reduction}", model("observer", scene.located(one.model)).UNIT, _reduced(one.name, reduction))
+        Column(f"{one.name} {reduction}", model("observer", scene.located(one.model)).UNIT, _reduced(one.name, reduction), True)
         for one in scene.observers
         for reduction in one.reduce
     ]

@@ -8,7 +8,8 @@ from warpdem.errors import SceneError
 from warpdem.kernels import grain
 from warpdem.kernels.contact.films import FILM_AT
 from warpdem.measure.contact_columns import ContactColumns
-from warpdem.measure.totals import Totals, reader_of
+from warpdem.measure.sums import reader_of
+from warpdem.measure.totals import Totals
 from warpdem.model.coefficients import field_numbers
 from warpdem.model.model import Model
 from warpdem.scene.models import model

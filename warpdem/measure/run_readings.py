@@ -6,14 +6,15 @@ from warpdem.core.snapshot import ClumpShots, Snapshot, WallLoad
 from warpdem.measure import measures, observation, observers, wall_loads, wall_wear
 from warpdem.measure.budget import Budget
 from warpdem.measure.clumps import read_clumps
-from warpdem.measure.liquid import LiquidTotals, read_liquid
+from warpdem.measure.liquid import LiquidTotals
 from warpdem.measure.residence import Departed, read_departed
 from warpdem.measure.snapshot import take_snapshot
+from warpdem.measure.totals import Totals
 from warpdem.state.view import RunView
 
 
 class RunReadings:
-    """The readings of a run; whoever inherits them provides ``live``, and ``prepare`` if forces may not be evaluated.
+    """The readings of a run; whoever inherits them provides ``live``, and ``evaluate`` if forces may not be evaluated.
 
     Attributes:
         live: the run as readers see it, whether its forces are evaluated or not.
@@ -21,14 +22,21 @@ class RunReadings:
 
     live: RunView
 
-    def prepare(self) -> None:
+    def evaluate(self) -> None:
         """Evaluate the forces of the present time if they are not: what every reader asks for first."""
 
     @property
-    def view(self) -> RunView:
-        """The run as readers see it, the forces of the present time evaluated."""
-        self.prepare()
+    def evaluated(self) -> RunView:
+        """The run as readers of sums see it, the forces of the present time evaluated; over ranks its grains are not here."""
+        self.evaluate()
         return self.live
+
+    @property
+    def view(self) -> RunView:
+        """The run as readers see it, the forces of the present time evaluated; over ranks all grains are gathered."""
+        view = self.evaluated
+        view.gather()
+        return view
 
     @property
     def particles(self) -> observers.Particles:
@@ -46,12 +54,12 @@ class RunReadings:
 
     def energy(self) -> dict[str, float]:
         """Kinetic, rotational, elastic and potential energy in the laboratory [J]."""
-        return observers.energy(self.view)
+        return observers.energy(self.evaluated)
 
     @property
     def budget(self) -> Budget | None:
         """Budgets of energy, momentum and flow; None where the scene's ``measures`` name none of them."""
-        return Budget(self.view) if self.live.totals is not None else None
+        return Budget(self.evaluated) if self.live.totals is not None else None
 
     def measure(self) -> dict[str, float]:
         """What the scene's ``measures`` give at the present time, by the names of their columns in history.csv."""
@@ -74,7 +82,7 @@ class RunReadings:
         Raises:
             SceneError: the scene has no law of liquid bridges.
         """
-        return read_liquid(self.view)
+        return Totals(self.evaluated).liquid
 
     def loads(self) -> tuple[np.ndarray, np.ndarray]:
         """Contact force [N] and torque [N m] on each grain, by id, shapes (n, 3)."""
@@ -82,7 +90,7 @@ class RunReadings:
 
     def wall_loads(self, lab: bool = False) -> dict[str, WallLoad]:
         """What the grains do to each wall at the present time, by wall name; vectors in frame axes or in the laboratory."""
-        return wall_loads.read_loads(self.view, lab)
+        return wall_loads.read_loads(self.evaluated, lab)
 
     def departed(self) -> Departed:
         """The grains that have left, one by one, where the scene has ``measures.residence``.
@@ -90,11 +98,11 @@ class RunReadings:
         Raises:
             ValueError: it has none.
         """
-        return read_departed(self.view)
+        return read_departed(self.evaluated)
 
     def wall_wear(self) -> dict[str, wall_wear.WallWear]:
         """What wore each wall from ``measures.wear.start`` to the last step, by wall name; empty if it is not asked for."""
-        return wall_wear.read_wear(self.view)
+        return wall_wear.read_wear(self.evaluated)
 
     def readings(self) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
         """Contact force [N], torque [N m], velocity [m/s] and spin [rad/s] of each grain, by id, shapes (n, 3).

@@ -3,7 +3,7 @@
 Arrays that these launches need are kept from one reading to the next.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import numpy as np
@@ -13,9 +13,20 @@ from warpdem.core.recorded_launch import RecordedLaunch
 from warpdem.core.threads import Threads, ranges
 from warpdem.kernels.measure import readings as kernels
 from warpdem.kernels.measure.exact_sum import WIDTH
+from warpdem.state.view import RunView
 
 SPREAD = 64  # rows of sums on a GPU, so that few threads meet in the same number
 LEAST = 512  # indices below which one thread does it
+
+
+def reader_of(view: RunView) -> "Reader":
+    """Launches on the device of what is read of a run."""
+    kept = view.kept.get("reader")
+    if kept is None:
+        device = view.state.record.device
+        assert device is not None
+        kept = view.kept["reader"] = Reader(device, view.threads)
+    return kept
 
 
 def load_readers(device: wp.Device | str) -> None:
@@ -75,24 +86,46 @@ class Reader:
         self._launch(kernel, count, lambda first, _: [first, *inputs])
 
     def sums(self, columns: int) -> wp.array:
-        """Sums of so many columns, zero, to be added to and read by ``rounded``."""
+        """Sums of so many columns, zero, to be added to and read by ``digits``."""
         return self.buffer(f"{columns} sums", (self.rows, columns, WIDTH), wp.int64)
 
     def add(self, kernel: wp.Kernel, count: int, *inputs: Any) -> None:
         """Launch a kernel that adds to sums over ``count`` indices; its first arguments are first index, row, spread."""
         self._launch(kernel, count, lambda first, row: [first, row, self._spread, *inputs])
 
-    def rounded(self, sums: wp.array) -> np.ndarray:
-        """What has been added up, one float64 a column; the sums are zero again."""
+    def digits(self, sums: wp.array) -> np.ndarray:
+        """What has been added up, in whole numbers of ``exact_sum``, shape (columns, WIDTH); the sums are zero again."""
         columns = sums.shape[1]
-        value = self.buffer(f"{columns} values", (columns,), wp.float64)
-        self._command(kernels.rounded_sums, 0, columns, [self.rows, sums, value])()
-        if not self._device.is_cpu:
-            return value.numpy()
-        name = f"{columns} values"
+        name, joined = self._named("digits", (columns, WIDTH), wp.int64)
+        self._command(kernels.joined_sums, 0, columns, [self.rows, sums, joined])()
+        return self._read(name, joined)
+
+    def rounded(self, parts: Sequence[np.ndarray]) -> np.ndarray:
+        """The sums of which each part of a run has given ``digits``, one float64 a column."""
+        columns = parts[0].shape[0]
+        name, digits = self._named("parts", (len(parts), columns, WIDTH), wp.int64)
+        if self._device.is_cpu:
+            np.stack(parts, out=self._host(name, digits))
+        else:
+            digits.assign(np.stack(parts))
+        name, value = self._named("values", (columns,), wp.float64)
+        self._command(kernels.rounded_sums, 0, columns, [len(parts), digits, value])()
+        return self._read(name, value)
+
+    def _named(self, kind: str, shape: tuple[int, ...], dtype: type) -> tuple[str, wp.array]:
+        """A buffer for one shape, and its name."""
+        name = f"{kind} {shape}"
+        return name, self.buffer(name, shape, dtype)
+
+    def _host(self, name: str, array: wp.array) -> np.ndarray:
+        """Memory of a buffer that stays: asking Warp for it takes longer than reading a few numbers."""
         if name not in self._values:
-            self._values[name] = value.numpy()
-        return self._values[name].copy()
+            self._values[name] = array.numpy()
+        return self._values[name]
+
+    def _read(self, name: str, array: wp.array) -> np.ndarray:
+        """A copy of what is in a buffer."""
+        return self._host(name, array).copy() if self._device.is_cpu else array.numpy()
 
     def uploaded(self, name: str, *values: np.ndarray) -> wp.array:
         """Columns of float64 side by side in an array of at least so many rows, kept under ``name``; shape (rows, columns)."""
@@ -111,7 +144,13 @@ class Reader:
         return array
 
     def column_sums(self, *arrays: np.ndarray | wp.array, present: wp.array | None = None) -> list[np.ndarray]:
-        """Sums of the columns of each array over its rows, shapes (width,).
+        """Sums of the columns of each array over its rows, shapes (width,); arguments as of ``column_digits``."""
+        widths = [1 if array.ndim == 1 else array.shape[1] for array in arrays]
+        found = self.rounded([self.column_digits(*arrays, present=present)])
+        return np.split(found, np.cumsum(widths)[:-1])
+
+    def column_digits(self, *arrays: np.ndarray | wp.array, present: wp.array | None = None) -> np.ndarray:
+        """``digits`` of the sums of the columns of all arrays, one after the other, over their rows.
 
         Args:
             arrays: shapes (n,) or (n, width), of float64.
@@ -124,8 +163,7 @@ class Reader:
                 if isinstance(array, np.ndarray):
                     array = wp.array(np.ascontiguousarray(array, dtype=np.float64), dtype=wp.float64, device=self._device)
                 self.add_columns(array.reshape((array.shape[0], width)), array.shape[0], start, sums, present)
-        found = self.rounded(sums)
-        return [found[start : start + width] for start, width in zip(starts, widths, strict=False)]
+        return self.digits(sums)
 
     def add_columns(
         self, values: wp.array, count: int, start: int, sums: wp.array, present: wp.array | None = None

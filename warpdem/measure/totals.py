@@ -13,145 +13,84 @@ from functools import cached_property
 from typing import Any, TypeVar
 
 import numpy as np
-import warp as wp
 
 from warpdem.core.pose import FramePose
-from warpdem.kernels import grain
-from warpdem.kernels.clump import NONE
-from warpdem.kernels.measure import readings as kernels
+from warpdem.kernels.measure import window_sum
 from warpdem.kernels.measure.readings import GRAIN_SUMS, WALL_SUMS
+from warpdem.kernels.measure.wear import SUMS
 from warpdem.measure import elastic
-from warpdem.measure.contact_columns import ContactColumns
 from warpdem.measure.liquid import LiquidTotals, read_liquid
-from warpdem.measure.selection import Slots, selected_flow
-from warpdem.measure.sums import Reader
+from warpdem.measure.part import Part, first_spring
+from warpdem.measure.sums import reader_of
 from warpdem.measure.surface_power import surface_powers
-from warpdem.model.coefficients import field_numbers
 from warpdem.scene.models import model
-from warpdem.state.listed_contacts import ListedContacts
 from warpdem.state.view import RunView
 
 Thing = TypeVar("Thing")
-SPRINGS = len(elastic.SPRINGS)
-ABSOLUTE = kernels.Motion()
-
-
-def reader_of(view: RunView) -> Reader:
-    """Launches on the device of what is read of a run."""
-    kept = view.kept.get("reader")
-    if kept is None:
-        device = view.state.record.device
-        assert device is not None
-        kept = view.kept["reader"] = Reader(device, view.threads)
-    return kept
 
 
 class Totals:
-    """Sums over the grains and contacts of a run at the time of the view, vectors in laboratory axes if not said otherwise."""
+    """Sums over the grains and contacts of a run at the time of the view, vectors in laboratory axes if not said otherwise.
+
+    Over several processes each adds up its own part (``part``), and no grain goes to another one.
+
+    Attributes:
+        part: the part of this process.
+    """
 
     def __init__(self, view: RunView) -> None:
-        self.view = view
+        self.view, self.part = view, Part(view)
 
     def made(self) -> "Totals":
         """The same, all of it made now: it may be read when the run has gone on."""
-        self.view = replace(self.view, model=self.view.model.at_present())
-        names = ["pose", "bodies", "_sums", "elastic", "surface_powers", "fields"]
+        names = ["pose", "bodies", "count", "_sums", "elastic", "surface_powers", "fields"]
         names += ["liquid"] if self.view.model.liquid is not None else []
-        for name in names if self.view.totals is None else [*names, "added_up"]:
+        names += ["worn"] if self.view.model.features.measures.wear else []
+        names += ["added_up", "losses"] if self.view.totals is not None else []
+        for name in names:
             getattr(self, name)
-        for name in ("contacts", "listed"):  # arrays of the run, which goes on
-            vars(self).pop(name, None)
+        self.view = replace(self.view, model=self.view.model.at_present())
+        self.part = Part(self.view)  # the one before has arrays of the run, which goes on
         return self
+
+    def each(self, read: Callable[[Part], Thing]) -> list[Thing]:
+        """What ``read`` gives of the part of each process."""
+        parts = self.view.parts
+        return [read(self.part)] if parts is None or parts.all_here else parts.each(read)
+
+    def _rounded(self, read: Callable[[Part], np.ndarray]) -> np.ndarray:
+        """The sums of whose digits ``read`` gives those of a part."""
+        return reader_of(self.view).rounded(self.each(read))
 
     @cached_property
     def pose(self) -> FramePose:
         """The frame."""
-        view = self.view
-        return self._still("pose", view.model.features.frame.moves, lambda: view.model.schedule.pose(view.clock.time))
+        return self.part.pose
 
     @cached_property
     def bodies(self) -> np.ndarray:
         """Placements of the walls, shape (w, 24)."""
-        view, schedule = self.view, self.view.model.schedule
-        changes = schedule.moving > 0 or schedule.shifting or view.model.features.walls.conveying
-        return self._still("bodies", changes, lambda: schedule.bodies(view.clock.time))
+        return self.part.bodies
 
     @cached_property
     def surface_powers(self) -> dict[str, float]:
         """Power of the surface velocity of each wall that has one [W], by name."""
-        return surface_powers(self.view, self.bodies) if self.view.model.features.walls.conveying else {}
-
-    def _still(self, name: str, moves: bool, read: Callable[[], Thing]) -> Thing:
-        """What ``read`` gives, once for all times if it never moves."""
-        if moves:
-            return read()
-        if name not in self.view.kept:
-            self.view.kept[name] = read()
-        kept: Thing = self.view.kept[name]
-        return kept
-
-    @cached_property
-    def listed(self) -> ListedContacts:
-        """The contacts of the lists."""
-        return self.view.contacts
+        return surface_powers(self.each, self.view.model, self.bodies) if self.view.model.features.walls.conveying else {}
 
     @cached_property
     def liquid(self) -> LiquidTotals:
         """Where the liquid is."""
-        return read_liquid(self.view, self.listed)
+        return read_liquid(self.each, self.view)
+
+    @cached_property
+    def count(self) -> int:
+        """Number of grains."""
+        return sum(self.each(Part.count))
 
     @cached_property
     def _sums(self) -> np.ndarray:
-        """All sums over grains, walls and springs, in one go: each takes longer to ask for than to add up for a few grains."""
-        view, reader, state = self.view, reader_of(self.view), self.view.state
-        if not len(state):
-            return np.zeros(self._first_spring + SPRINGS)
-        sums = reader.sums(self._first_spring + SPRINGS)
-        _, velocity, spin = view.reader.read()
-        record, inverse = reader.plain("record", state.record), reader.plain("inverse", state.inverse)
-        clumps = state.clumps
-        moving = velocity, spin, self._axes, int(state.spins), reader.no_slots if clumps is None else clumps.of_grain
-        reader.add(kernels.grain_sums, state.slots, record, inverse, *moving, sums)
-        if clumps is not None:
-            of_clumps = reader.plain("clumps", clumps.record), clumps.rate, clumps.reading
-            reader.add(kernels.clump_sums, len(clumps), *of_clumps, sums)
-        self._add_walls(sums, GRAIN_SUMS.width)
-        if self._pairs_are_there and len(self.contacts):
-            found = [values for values in elastic.elastic_energies(view, self.contacts).values() if values is not None]
-            reader.add_columns(reader.uploaded("springs", *found), len(self.contacts), self._first_spring, sums)
-        return reader.rounded(sums)
-
-    def _add_walls(self, sums: wp.array, column: int) -> None:
-        """Add the loads on the walls to ``sums``, from that column on."""
-        view, reader, of = self.view, reader_of(self.view), self.listed.walls
-        if self._walls and self.listed.row_count:
-            point, result = reader.plain("point", of.point), reader.plain("result", of.result)
-            points = of.grain, of.first, of.point_count, point, result, view.clock.step_number & 1
-            record = reader.plain("record", view.state.record)
-            reader.add(kernels.wall_sums, self.listed.row_count, record, *points, column, sums)
-
-    @property
-    def _pairs_are_there(self) -> bool:
-        """Whether the view has its contacts between grains: a copy that only walls and grains are read of has none."""
-        return not self.listed.contact_count or self.listed.owner is not None
-
-    @property
-    def _walls(self) -> int:
-        """Walls of the scene."""
-        return len(self.view.model.scene.walls)
-
-    @property
-    def _first_spring(self) -> int:
-        """Column of the sums from which on elastic energies stand."""
-        return GRAIN_SUMS.width + self._walls * WALL_SUMS.width
-
-    @property
-    def _axes(self) -> Any:
-        """Motion that the integrator holds velocities relative to."""
-        view = self.view
-        if not view.model.features.backend.scheme.RELATIVE:
-            return ABSOLUTE
-        return kernels.Motion(*view.model.schedule.frames(view.clock.step_number, 0)[0][12:18])
+        """All sums over grains, walls and springs."""
+        return self._rounded(Part.sums)
 
     # -- grains ---------------------------------------------------------------------------------
 
@@ -191,42 +130,19 @@ class Totals:
     # -- energies -------------------------------------------------------------------------------
 
     @cached_property
-    def contacts(self) -> ContactColumns:
-        """The contacts, in the order of the lists."""
-        return ContactColumns(self.view, reader_of(self.view), listed=self.listed)
-
-    @cached_property
     def elastic(self) -> dict[str, float]:
         """Energy in the normal contacts, the tangential and the rolling springs [J]."""
-        assert self._pairs_are_there  # else what they store is unknown, not zero
+        assert self.view.parts is not None or self.part.has_pairs  # else what they store is unknown, not zero
         names = [name for name, there in elastic.springs(self.view.model.features.contact).items() if there]
-        found = self._sums[self._first_spring :].tolist()
+        found = self._sums[first_spring(self.view.model) :].tolist()
         return dict.fromkeys(elastic.SPRINGS, 0.0) | dict(zip(names, found, strict=False))
 
     @cached_property
     def fields(self) -> float | None:
         """Potential energy in the external fields that have one [J]; None if none has."""
-        run = self.view.model
-        fields = [(model("field", name), axes) for name, axes in run.features.fields]
-        if not any(hasattr(field, "energy") for field, _ in fields):
+        if not any(hasattr(model("field", name), "energy") for name, _ in self.view.model.features.fields):
             return None
-        # those that have left lie where a field may be no number
-        state, reader = self.view.state, reader_of(self.view)
-        here = np.flatnonzero(state.here) if len(state) < state.slots else slice(None)
-        record, mass = state.record.numpy()[here], 1.0 / state.inverse.numpy()[here, 0]
-        if state.clumps is not None:  # fields act on a clump as on a sphere of its volume
-            alone, clumps = state.clumps.of_grain.numpy()[here] == NONE, state.clumps.record.numpy()
-            there = clumps[:, 0] != grain.REMOVED_X
-            record = np.concatenate([record[alone], clumps[there]])
-            mass = np.concatenate([mass[alone], 1.0 / state.clumps.rate.numpy()[there, 0]])
-        position, radius = record[:, :3], record[:, 3]
-        place = {"laboratory": self.pose.to_laboratory(position), "frame": position}
-        energies = [  # a field of the same energy everywhere may say so with one number
-            np.broadcast_to(field.energy(place[axes], mass, radius, numbers), mass.shape)
-            for (field, axes), numbers in zip(fields, field_numbers(run.scene), strict=True)
-            if hasattr(field, "energy")
-        ]
-        return float(sum(float(total[0]) for total in reader.column_sums(*energies)))
+        return float(sum(self._rounded(Part.field_energies).tolist()))
 
     @cached_property
     def energy(self) -> dict[str, float]:
@@ -245,26 +161,26 @@ class Totals:
     def walls(self) -> np.ndarray:
         """``WALL_SUMS`` of each wall of the scene, in frame axes, shape (w, 9)."""
         if "_sums" in vars(self):
-            found = self._sums[GRAIN_SUMS.width : self._first_spring]
-        elif not (self._walls and len(self.view.state)):
-            found = np.zeros(self._walls * WALL_SUMS.width)
-        else:  # a frame asks for these alone, and may hold no contacts between grains
-            reader = reader_of(self.view)
-            sums = reader.sums(self._walls * WALL_SUMS.width)
-            self._add_walls(sums, 0)
-            found = reader.rounded(sums)
-        return found.reshape(self._walls, WALL_SUMS.width)
+            found = self._sums[GRAIN_SUMS.width : first_spring(self.view.model)]
+        else:  # a frame asks for these alone
+            found = self._rounded(Part.wall_sums)
+        return found.reshape(-1, WALL_SUMS.width)
 
     # -- what the steps have added up -----------------------------------------------------------
 
     @cached_property
     def added_up(self) -> dict[str, np.ndarray]:
         """What the budgets have added up of the grains that are present, by name; vectors in frame axes."""
-        per_grain = self.view.reader.read_sums()
-        reader, state = reader_of(self.view), self.view.state
-        if not len(state):
-            return {name: np.zeros(values.shape[1]) for name, values in per_grain.items()}
-        if "flow" in per_grain:
-            per_grain = per_grain | {"flow": selected_flow(self.view.model.scene, Slots(state), per_grain["flow"])}
-        record = reader.plain("record", state.record)
-        return dict(zip(per_grain, reader.column_sums(*per_grain.values(), present=record), strict=True))
+        sums = self.view.model.features.measures.sums
+        found = np.split(self._rounded(Part.added_up), np.cumsum([*sums.values()])[:-1])
+        return dict(zip(sums, found, strict=True))
+
+    @cached_property
+    def losses(self) -> np.ndarray:
+        """What contacts between grains have lost up to the present time, as of ``MeasureFeatures.of_contacts`` [J]."""
+        return window_sum.rounded(np.stack(self.each(Part.losses)))
+
+    @cached_property
+    def worn(self) -> np.ndarray:
+        """What has worn walls up to the last kick, columns as of ``kernels.measure.wear.SUMS``, shape (features, 5)."""
+        return window_sum.rounded(np.stack(self.each(Part.wear))).reshape(-1, SUMS.width)

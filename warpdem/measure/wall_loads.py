@@ -47,7 +47,7 @@ def read_loads(view: RunView, lab: bool = False) -> dict[str, WallLoad]:
     now = Totals(view)
     loads = total_loads(now, lab)
     if loads and view.model.meshes:
-        _add_triangles(view, loads, now.pose.rotation if lab else None)
+        _add_triangles(now, loads, now.pose.rotation if lab else None)
     return loads
 
 
@@ -78,12 +78,13 @@ def cross(a: np.ndarray, b: np.ndarray) -> np.ndarray:
     return a[..., AFTER] * b[..., BEFORE] - a[..., BEFORE] * b[..., AFTER]
 
 
-def _add_triangles(view: RunView, loads: dict[str, WallLoad], rotation: np.ndarray | None) -> None:
+def _add_triangles(now: Totals, loads: dict[str, WallLoad], rotation: np.ndarray | None) -> None:
     """Force and pressure of each triangle of the meshes in place of none; ``rotation`` from frame axes to those of the loads.
 
     Summed in order of grain id, so that they do not depend on the order of the lists.
     """
-    model, (point, wall_of) = view.model, contact_points(view)
+    model = now.view.model
+    point, wall_of = contact_points(now.each, model)
     force = _sums(-point["force"], point["feature"], len(wall_of))
     force = force if rotation is None else force @ rotation.T
     push = _sums(np.einsum("ij,ij->i", point["force"], point["normal"])[:, None], point["feature"], len(wall_of))[:, 0]

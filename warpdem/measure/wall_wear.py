@@ -6,6 +6,7 @@ import numpy as np
 
 from warpdem.core.snapshot import TriangleWear
 from warpdem.kernels.measure.wear import SUMS
+from warpdem.measure.totals import Totals
 from warpdem.measure.wall_loads import areas
 from warpdem.scene.model import Scene
 from warpdem.scene.wear import Wear
@@ -69,12 +70,17 @@ def first_step(scene: Scene, dt: float) -> int:
     return round(scene.measures.wear.start / dt)
 
 
-def read_wear(view: RunView) -> dict[str, WallWear]:
-    """Wear of each wall up to the time of the view, by name; empty where the scene does not ask for it."""
+def read_wear(view: RunView, now: Totals | None = None) -> dict[str, WallWear]:
+    """Wear of each wall up to the time of the view, by name; empty where the scene does not ask for it.
+
+    Args:
+        view: the run.
+        now: sums over its grains at that time, where a reader has them already.
+    """
     model, asked = view.model, view.model.scene.measures.wear
     if asked is None or model.walls is None:
         return {}
-    sums = view.reader.read_wear()
+    sums = (now or Totals(view)).worn
     out = {}
     for number, wall in enumerate(model.scene.walls):
         own = sums[model.walls.wall_of == number]

@@ -15,7 +15,7 @@ from warpdem.scene.model import Scene
 GENERAL = (
     Column("time", "s", lambda r: r.view.clock.time),
     Column("frame_angle", "rad", lambda r: r.totals.pose.angle),
-    Column("grains", "-", lambda r: len(r.view.state)),
+    Column("grains", "-", lambda r: r.totals.count),
     Column("kinetic", "J", lambda r: r.energy["kinetic"]),
     Column("rotational", "J", lambda r: r.energy["rotational"]),
     Column("elastic", "J", lambda r: r.energy["elastic"]),
@@ -52,9 +52,9 @@ def history_columns(scene: Scene) -> list[Column]:
     return [*GENERAL, *walls, *measures.columns(scene), *observation.columns(scene), *outlets]
 
 
-def reads_grains(scene: Scene) -> bool:
-    """Whether columns of a scene read more of a run than sums over its grains, contacts and walls, and what outlets took."""
-    return bool(measures.columns(scene) or observation.columns(scene))
+def reads_grains(columns: Sequence[Column]) -> bool:
+    """Whether columns read more of a run than sums over its grains, contacts and walls, and what outlets took."""
+    return any(column.whole for column in columns)
 
 
 def history_row(columns: Sequence[Column], readings: Readings) -> list[float]:

@@ -12,8 +12,6 @@ import numpy as np
 import warp as wp
 
 from warpdem.core.array_view import array_view
-from warpdem.kernels.measure import window_sum
-from warpdem.kernels.measure.wear import SUMS
 from warpdem.measure.budget import Budget
 from warpdem.state.view import RunView
 
@@ -79,10 +77,6 @@ class CopiedReadings:
     def read(self) -> tuple[wp.array, wp.array, wp.array]:
         """As ``StepReader.read``."""
         return self.by_slot
-
-    def read_wear(self) -> np.ndarray:
-        """As ``StepReader.read_wear``."""
-        return window_sum.rounded(self.digits["wear"][None]).reshape(-1, SUMS.width)
 
     def read_losses(self) -> np.ndarray:
         """As ``StepReader.read_losses``."""

@@ -1,13 +1,15 @@
-"""The run as rank 0 shows it: it tells the other ranks what to do, and gathers the whole for whoever reads.
+"""The run as rank 0 shows it: it tells the other ranks what to do, and adds up or gathers what is read of them.
 
-Guards, measures, writers and checkpoints see the whole run on rank 0, as in a run of one process, and so give the same bytes.
+Sums and largest values of rows, guards and frames in pieces come from each rank's own grains (``measure.part``). Whoever reads
+grains one by one sees all of them on rank 0, as in a run of one process, and so gives the same bytes: checkpoints, frames in
+one piece, columns of ``history.csv`` that are no sums (``Column.whole``), and some guards.
 """
 
 import sys
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import replace
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 import warp as wp
@@ -32,6 +34,7 @@ from warpdem.state.streams import Streams
 from warpdem.state.view import RunView
 
 END = "end"
+Thing = TypeVar("Thing")
 _led: list[World] = []
 
 
@@ -93,8 +96,7 @@ class Front(RunLoop):
     ) -> None:  # fmt: skip
         super().__init__(state, clock, engine, streams, timers)
         self._world, self._model = world, model
-        self._is_dealt, self._is_gathered = False, True
-        self._digits = engine.digits
+        self._is_dealt, self._is_evaluated, self._is_gathered, self._has_stopped = False, True, True, False
         with world.together():
             decided = Decisions.of(model)
             self._tell("model", decided, threads.count, device)
@@ -112,25 +114,43 @@ class Front(RunLoop):
             self._tell(name, *arguments)
             return getattr(self.rank, name)(*arguments)
 
-    def prepare(self) -> None:
-        """As ``RunLoop``: gather the whole of the present time, if it is not here."""
-        if self._world.busy:  # the others cannot answer: whoever reads how the run ended has what was gathered last
-            return
+    # -- what is read ---------------------------------------------------------------------------
+
+    @property
+    def all_here(self) -> bool:
+        """As ``Parts``: the others have nothing yet, or cannot answer: then there is here what was gathered last."""
+        return not self._is_dealt or self._has_stopped or self._world.busy
+
+    def each(self, read: Callable[..., Thing]) -> list[Thing]:
+        """As ``Parts``; the forces are evaluated."""
+        with self._timers.measure("sums"):
+            found: list[Thing] = self.on_all("read", read)
+        return found
+
+    def evaluate(self) -> None:
+        """As ``RunLoop``, on all ranks."""
         if not self._is_dealt:
-            self._evaluate()
-        elif not self._is_gathered:
+            if not self._clock.forces_evaluated:  # of the whole at the start, on this rank alone
+                super().advance(0)
+        elif not (self.all_here or self._is_evaluated):
+            with self._shown_where_it_stops():
+                self.on_all("evaluate")
+            self._take_extremes(self.on_all("extremes"))
+            self._is_evaluated = True
+
+    def gather(self) -> None:
+        """As ``Parts``: gather the whole of the present time, if it is not here."""
+        self.evaluate()
+        if not (self.all_here or self._is_gathered):
             self._gather()
 
-    def _evaluate(self) -> None:
-        """Evaluate the forces of the whole at the start, on this rank alone."""
-        if not self._clock.forces_evaluated:
-            super().advance(0)
+    # -- steps ----------------------------------------------------------------------------------
 
     def advance(self, count: int) -> None:
         """As ``RunLoop``, on all ranks."""
         self._deal_first()
         if count == 0:
-            self.prepare()
+            self.evaluate()
             return
         clock = self._clock
         before, insertion = clock.step_number, self._streams.next_step()
@@ -138,15 +158,11 @@ class Front(RunLoop):
         count = insertion - before if hold and insertion is not None else count
         max_overlap = float(self._engine.batch.control.max_overlap.numpy()[0])
         try:
-            with self._timers.measure("steps"):
+            with self._timers.measure("steps"), self._shown_where_it_stops():
                 self.on_all("advance", count, max_overlap, hold)
-        except WarpdemError:
-            if not self._world.busy:  # else the others cannot answer
-                self._show_grains()
-            raise
         finally:
             clock.step_number = self.rank.clock.step_number
-        clock.forces_evaluated = self._is_gathered = False
+        clock.forces_evaluated = self._is_evaluated = self._is_gathered = False
         self.steps_done += clock.step_number - before
         self._take_extremes(self.on_all("extremes"))
         if clock.step_number == insertion:
@@ -155,7 +171,7 @@ class Front(RunLoop):
     def _deal_first(self) -> None:
         """Deal the grains out as they are at the start, unless that is done."""
         if not self._is_dealt:
-            self._evaluate()
+            self.evaluate()
             view = RunView(self._model, self._state, self._clock, self._engine, None, self._engine.lists.view)
             self._deal(Portion.of({**contact_history.read(view), **Rank.arrays_of(self._state, self._state.rank)}))
 
@@ -221,6 +237,7 @@ class Front(RunLoop):
         """As ``RunLoop``: grains and contacts go to the ranks block by block as they are read, and to no list here."""
         self._deal(Portion.of(data.rows if isinstance(data, Contents) else data))
         self._clock.forces_evaluated = self._is_gathered = False
+        self._is_evaluated = True
 
     def _deal(self, whole: Portion) -> None:
         """Deal all grains out to the ranks."""
@@ -230,8 +247,7 @@ class Front(RunLoop):
         with world.together():
             dealt = clock.step_number, state.next_id, [wall.saved() for wall in self._model.schedule.dynamic], cuts
             self._tell("deal", *dealt)
-            self.rank.deal(*dealt, whole, cuts.owner(position))
-        self._digits = self._engine.digits
+            self.rank.deal(*dealt, whole, cuts.owner(position), self._engine.digits)
         self._is_dealt = True
 
     def _gather(self) -> None:
@@ -243,24 +259,27 @@ class Front(RunLoop):
         with self._timers.measure("gather"):
             state, engine, clock = self._state, self._engine, self._clock
             state.restore({**portion.data, "next_id": state.next_id})
-            each = [self._digits, *digits]
-            engine.restore(
-                engine.extreme, {name: window_sum.joined(np.stack([one[name] for one in each])) for name in self._digits}
-            )
+            names = engine.digits
+            engine.restore(engine.extreme, {name: window_sum.joined(np.stack([one[name] for one in digits])) for name in names})
             if len(state):
                 contact_history.restore(engine.lists, portion.data)
             else:
                 self._forget_contacts()
             clock.forces_evaluated = self._is_gathered = True
-        self._take_extremes(self.on_all("extremes"))
 
-    def _show_grains(self) -> None:
-        """Let the whole hold the grains as they are, without contacts: the run has stopped where no forces can be evaluated."""
-        whole = self.on_all("gather_grains")
-        assert whole is not None
-        self._state.restore({**whole.data, "next_id": self._state.next_id})
-        self._forget_contacts()
-        self._is_gathered = True
+    @contextmanager
+    def _shown_where_it_stops(self) -> Iterator[None]:
+        """Where the run stops in the block, let the whole hold the grains as they are, without contacts and forces."""
+        try:
+            yield
+        except WarpdemError:
+            if not self._world.busy:  # else the others cannot answer
+                whole = self.on_all("gather_grains")
+                assert whole is not None
+                self._state.restore({**whole.data, "next_id": self._state.next_id})
+                self._forget_contacts()
+                self._has_stopped = True
+            raise
 
     def _forget_contacts(self) -> None:
         lists, n = self._engine.lists, len(self._state)

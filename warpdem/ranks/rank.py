@@ -1,8 +1,7 @@
 """One rank: its grains, lists and steps. Every method is called on all ranks together."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -23,18 +22,16 @@ from warpdem.kernels import grain
 from warpdem.kernels.step.exchange import TOO_DEEP, WALL_LOADS
 from warpdem.kernels.step.motion import BEYOND, LEFT
 from warpdem.model.model import Model
-from warpdem.output.own_pieces import OwnPieces
 from warpdem.ranks import halo, transfer
 from warpdem.ranks.answers import shared_slots
 from warpdem.ranks.cuts import Cuts
 from warpdem.ranks.exchange import Exchange
 from warpdem.ranks.lists import RankLists
-from warpdem.ranks.pieces import on_each
-from warpdem.ranks.portion import OF_GHOSTS, OF_GRAINS, Portion, Table, numbered, with_ghosts
+from warpdem.ranks.portion import OF_GHOSTS, Portion, Table, numbered, with_ghosts
+from warpdem.ranks.reading import RankReadings
 from warpdem.ranks.staging import StagedExchange
 from warpdem.ranks.world import World
 from warpdem.state import contact_history
-from warpdem.state.blocks import Rows, made
 from warpdem.state.clock import Clock
 from warpdem.state.particles import State
 from warpdem.state.view import RunView
@@ -45,8 +42,6 @@ IMBALANCE = 1.1
 """Load of the busiest rank over the mean [-] from which on cuts are shifted."""
 WAIT = 8
 """Outer lists until cuts are tried again that shifting did not help."""
-OF_FORCES = ("pair_share_", "wall_load", "wall_entry", "wall_power")
-"""How the names of arrays begin that a rebuild makes again."""
 
 
 @dataclass
@@ -61,7 +56,7 @@ class Counts:
     """How often cuts were shifted."""
 
 
-class Rank:
+class Rank(RankReadings):
     """One rank of a run.
 
     Args:
@@ -79,10 +74,10 @@ class Rank:
         count_left: takes the grains that leave, and the number of the outlet of each as ``way_out`` of them, on rank 0.
         before_leaving: takes all grains and contacts, and the ids of those that leave, on rank 0, where budgets ask for it.
         take_liquid: takes the liquid of grains that have left, columns as of ``State.film``, on rank 0.
-        pieces: what this rank writes of the frames, once ``open_pieces`` was called.
     """
 
     def __init__(self, world: World, model: Model, threads: Threads) -> None:
+        super().__init__()
         self.world, self._model, features = world, model, model.features
         self.clock, self._timers = Clock(model.dt), Timers()
         self.state = State.of(model, nobody(features.contact.clumps))
@@ -103,15 +98,14 @@ class Rank:
         if self.engine.moves_walls:
             self.exchange.loads = self.engine.batch.control.dynamic.sums
         self.engine.batch.control.removes_in_step.zero_()  # ranks count what leaves together
-        self._view = RunView(model, self.state, self.clock, self.engine, None, lists.view)
+        self.view = RunView(model, self.state, self.clock, self.engine, None, lists.view, threads=threads)
+        self.engine.read_ghosts = self.read_ghosts
         self._guard = TravelGuard(model)
         self.notice: Callable[[Verdict], None] = lambda verdict: None
         self.count_left: Callable[[Portion], None] = lambda leaving: None
         self.before_leaving: Callable[[Portion, np.ndarray], None] = lambda whole, ids: None
         self.take_liquid: Callable[[np.ndarray], None] = lambda counts: None
-        self.pieces: OwnPieces
         self._new: Portion | None = None  # inserted, and in no list yet
-        self._rank_of_ghost = np.zeros(0, dtype=np.int64)
         self.counts, self._tried = Counts(), -WAIT
         self._cuts = Cuts(np.zeros(world.size - 1, dtype=np.int64), np.zeros(world.size - 1))
 
@@ -119,7 +113,7 @@ class Rank:
 
     def deal(
         self, step: int, next_id: int, walls: list[dict[str, Any]], cuts: Cuts, whole: Portion | None = None,
-        owner: np.ndarray | None = None,
+        owner: np.ndarray | None = None, digits: Mapping[str, np.ndarray] | None = None,
     ) -> None:  # fmt: skip
         """Take over the state of a run, whose forces are known.
 
@@ -130,12 +124,14 @@ class Rank:
             cuts: who owns which part of space.
             whole: all grains, on rank 0.
             owner: rank of each, on rank 0.
+            digits: of ``StepReader.digits`` so far, on rank 0: the others add to none.
         """
         mine = transfer.deal(self.world, whole, owner)
         self.clock.step_number, self.state.next_id, self._cuts = step, next_id, cuts
         for wall, state in zip(self._model.schedule.dynamic, walls, strict=True):
             wall.restore(state)
-        self.engine.batch.forget_schedule()
+        none = {name: np.zeros_like(values) for name, values in self.engine.digits.items()}
+        self.engine.restore(self.engine.extreme, none if digits is None else digits)
         self._settle(mine, forces=True)
         self.clock.forces_evaluated = True
 
@@ -158,7 +154,8 @@ class Rank:
             lists.rebuild()
         changing = [state.record, state.inverse] if state.clumps is not None else [state.record]
         self.exchange.connect(changing, state.owned, sends, receives)
-        self._rank_of_ghost = np.repeat(np.fromiter(receives, np.int64), np.fromiter(receives.values(), np.int64))
+        self.sends = sends
+        self.rank_of_ghost = np.repeat(np.fromiter(receives, np.int64), np.fromiter(receives.values(), np.int64))
         self._connect_answers()
         self.counts.rebuilds += 1
 
@@ -166,7 +163,7 @@ class Rank:
         """Exchange what films give to the bridges between grains of different ranks."""
         films, lists = self._model.kernels.films, self.lists
         if films is not None:
-            contacts = shared_slots(lists.view(), self._rank_of_ghost)
+            contacts = shared_slots(lists.view(), self.rank_of_ghost)
             self.exchange.connect_answers(lists.slot_force[:, films.wish] if contacts else None, contacts)
 
     def _with_ghosts(self, mine: Portion) -> tuple[np.ndarray, dict[int, np.ndarray], Table, np.ndarray, dict[int, int]]:
@@ -202,41 +199,17 @@ class Rank:
     @property
     def _before(self) -> RunView:
         """The rank one step ago, when the last forces were evaluated."""
-        return replace(self._view, clock=Clock(self.clock.dt, self.clock.step_number - 1))
-
-    def _kept(self) -> int:
-        """Number of own grains that are there."""
-        return int(self.state.here[: self.state.owned].sum())
-
-    def _own(self, view: RunView, forces: bool = True) -> Portion:
-        """The own grains with their contacts.
-
-        Args:
-            view: the rank at the time of its last force call.
-            forces: with the forces.
-        """
-        state = self.state
-        slots = state.rank[state.rank < state.owned]
-        contacts = {k: v for k, v in contact_history.read(view).items() if forces or not k.startswith(OF_FORCES)}
-        position = np.flatnonzero(state.rank < state.owned)
-        beside = {name: made(contacts[name])[position] for name in contacts.keys() & set(OF_GRAINS)}
-        return Portion.of({**contacts, **self.arrays_of(state, slots), **beside}).made()
-
-    @staticmethod
-    def arrays_of(state: State, slots: np.ndarray) -> Table:
-        """Arrays of a checkpoint of the grains in memory slots ``slots``, whole clumps, in their order."""
-        clumps = state.clumps.arrays(slots) if state.clumps is not None else {}
-        return {name: Rows.picked(values, slots) for name, values in state.arrays().items()} | clumps
+        return replace(self.view, clock=Clock(self.clock.dt, self.clock.step_number - 1))
 
     def _move_grains(self) -> None:
         """Deal the grains out anew, and build both lists."""
-        world, mine = self.world, self._own(self._before, forces=False)
+        world, mine = self.world, self.own(self._before, forces=False)
         if self._new is not None:
             mine = mine.with_grains(self._new)
             self._new = None
         position = mine.places
         loads = np.ones(len(position))
-        loads[: self._kept()] = self._loads()  # those that were inserted have the highest ids
+        loads[: self.state.owned_count] = self._loads()  # those that were inserted have the highest ids
         self._shift_cuts(position, loads)
         owner = self._cuts.owner(position)
         moved = int((owner != world.rank).sum())
@@ -249,7 +222,7 @@ class Rank:
         """Work of each own grain [-], in order of id, shape (n,): one for itself, and one for each contact that is listed."""
         state, lists = self.state, self.lists
         if not (state.slots and lists.built):
-            return np.ones(self._kept())
+            return np.ones(self.state.owned_count)
         slots = state.rank[state.rank < state.owned]
         listed: np.ndarray = np.diff(lists.slot_start.numpy())[slots]
         return 1.0 + listed
@@ -270,6 +243,22 @@ class Rank:
             cuts = shifted(points, weights, self._cuts)
         self._cuts = world.comm.bcast(cuts)
         self.counts.cuts += 1
+
+    def report(self) -> list[dict[str, Any]]:
+        """What each rank has done, on rank 0."""
+        state, exchange = self.state, self.exchange
+        return self.world.gathered({
+            "device": self._model.device.alias, "grains": state.owned, "ghosts": state.ghosts,
+            "migrated": self.counts.migrated, "rebuilds": self.counts.rebuilds, "cuts": self.counts.cuts,
+            "share_inside": self.share_inside, "exchanges": exchange.calls,
+            "bytes": exchange.bytes, "waiting": exchange.seconds, "gathers": self.gathers,
+            "seconds": dict(self._timers.seconds),
+        })  # fmt: skip
+
+    @property
+    def share_inside(self) -> float:
+        """Fraction of the contact batches that are evaluated while ghosts are under way [-]; 0 on GPUs."""
+        return self.lists.batches_inside * self._model.features.backend.lanes / max(self.lists.totals[0], 1)
 
     # -- steps ----------------------------------------------------------------------------------
 
@@ -302,7 +291,7 @@ class Rank:
         self.engine.settle_losses()
         if self._model.features.measures.sums:
             ids = world.gathered(state.id.numpy()[gone])
-            whole = self._whole(self._before)
+            whole = self.whole(self._before)
             if whole is not None:
                 self.before_leaving(whole, np.concatenate(ids))
         by_id = np.argsort(state.id.numpy()[gone])
@@ -388,57 +377,6 @@ class Rank:
         except StabilityError as stop:
             error = stop
         self.world.raise_first(error)
-
-    # -- reading --------------------------------------------------------------------------------
-
-    def extremes(self) -> np.ndarray:
-        """Largest overlaps and approach speeds on all ranks, as ``Engine.extreme``."""
-        return self.world.largest(self.engine.extreme)
-
-    def gather(self) -> tuple[Portion, list[dict[str, np.ndarray]]] | None:
-        """All grains with the forces of the present time, and the digits of the sums of each rank; on rank 0."""
-        self.evaluate()
-        whole, digits = self._whole(self._view), self.world.gathered(self.engine.digits)
-        return (whole, digits) if whole is not None else None
-
-    def _whole(self, view: RunView) -> Portion | None:
-        """All grains with the forces of the last force call, at the time of ``view``; on rank 0."""
-        mine = self._own(view)
-        mine.keep_owned_pairs()
-        return transfer.gather(self.world, mine)
-
-    def gather_grains(self) -> Portion | None:
-        """All grains as they are, without contacts; on rank 0."""
-        slots = self.state.rank[self.state.rank < self.state.owned]
-        return transfer.gather(self.world, Portion.of(self.arrays_of(self.state, slots)))
-
-    def open_pieces(self, folder: Path, resume: bool) -> None:
-        """Let each rank write its pieces of the frames to ``folder``, of a run that goes on if ``resume``."""
-        on_each(self.world, lambda: self._open_pieces(folder, resume))
-
-    def _open_pieces(self, folder: Path, resume: bool) -> None:
-        self.pieces = OwnPieces(self._model.scene, folder, self.world.rank, resume)
-
-    def write_pieces(self) -> list[list[Any]]:
-        """Write the pieces of the present time; what joins them, for each rank and format, on rank 0."""
-        self.evaluate()
-        return on_each(self.world, lambda: self.pieces.write(self._view))
-
-    def report(self) -> list[dict[str, Any]]:
-        """What each rank has done, on rank 0."""
-        state, exchange = self.state, self.exchange
-        return self.world.gathered({
-            "device": self._model.device.alias, "grains": state.owned, "ghosts": state.ghosts,
-            "migrated": self.counts.migrated, "rebuilds": self.counts.rebuilds, "cuts": self.counts.cuts,
-            "share_inside": self.share_inside, "exchanges": exchange.calls,
-            "bytes": exchange.bytes, "waiting": exchange.seconds,
-            "seconds": dict(self._timers.seconds),
-        })  # fmt: skip
-
-    @property
-    def share_inside(self) -> float:
-        """Fraction of the contact batches that are evaluated while ghosts are under way [-]; 0 on GPUs."""
-        return self.lists.batches_inside * self._model.features.backend.lanes / max(self.lists.totals[0], 1)
 
 
 def shifted(position: np.ndarray, weight: np.ndarray, cuts: Cuts) -> Cuts:

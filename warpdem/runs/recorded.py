@@ -10,7 +10,7 @@ import numpy as np
 from warpdem.measure import observation
 from warpdem.measure.column import Readings
 from warpdem.measure.run_readings import RunReadings
-from warpdem.output.history import history_columns, history_row
+from warpdem.output.history import history_columns, history_row, reads_grains
 from warpdem.runs.history import History
 
 
@@ -55,6 +55,6 @@ class RecordedRun(RunReadings):
 
     def record(self) -> None:
         """Add a row of the present time to ``history``; one of the same time gives way."""
-        view = self.view
-        columns = history_columns(view.model.scene)
+        columns = history_columns(self.live.model.scene)
+        view = self.view if reads_grains(columns) else self.evaluated
         self.rows.add(history_row(columns, Readings(view, observation.observed(view))))

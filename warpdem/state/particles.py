@@ -128,6 +128,11 @@ class State:
         return self.slots - self.ghosts
 
     @property
+    def owned_count(self) -> int:
+        """Grains of this process that are there."""
+        return int(self.here[: self.owned].sum()) if self.ghosts else self._count
+
+    @property
     def rank(self) -> np.ndarray:
         """Memory slots of the grains in ascending order of id, shape (n,), on the host."""
         if self._rank is None:

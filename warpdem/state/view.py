@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Any, Protocol
+from typing import Any, Protocol, TypeVar
 
 import numpy as np
 import warp as wp
@@ -14,6 +14,22 @@ from warpdem.state.clock import Clock
 from warpdem.state.departures import Departures
 from warpdem.state.listed_contacts import ListedContacts
 from warpdem.state.particles import State
+
+Thing = TypeVar("Thing")
+
+
+class Parts(Protocol):
+    """The processes of a run that share its grains."""
+
+    @property
+    def all_here(self) -> bool:
+        """Whether this process holds all there is: before the grains are dealt out, and where the others cannot answer."""
+
+    def each(self, read: Callable[..., Thing]) -> list[Thing]:
+        """What ``read`` gives of the part of each process, a ``measure.part.Part``."""
+
+    def gather(self) -> None:
+        """Let this process have a copy of all grains and contacts of the present time."""
 
 
 class StepReader(Protocol):
@@ -36,11 +52,8 @@ class StepReader(Protocol):
         Of ``wear`` of walls up to the last kick, of ``losses`` of contacts between grains up to the one before.
         """
 
-    def read_wear(self) -> np.ndarray:
-        """What wears walls, columns as of ``kernels.measure.wear.SUMS``, shape (features, 5)."""
-
     def read_losses(self) -> np.ndarray:
-        """What contacts between grains have lost up to the present time, as of ``MeasureFeatures.of_contacts`` [J]."""
+        """Digits of what contacts between grains have lost up to the present time, as of ``MeasureFeatures.of_contacts``."""
 
     def read_sums(self) -> dict[str, np.ndarray]:
         """What the budgets have added up per grain, by the names of ``MeasureFeatures.sums``, shapes (slots, width)."""
@@ -64,6 +77,8 @@ class RunView:
     """The grains that have left, one by one; None where the scene does not ask for them."""
     threads: Threads | None = None
     """CPU threads that may read side by side; None: the reader's own alone."""
+    parts: Parts | None = None
+    """The processes of the run, the grains of which the view holds once they are gathered; None: one, which holds all."""
     kept: dict[str, Any] = field(default_factory=dict, compare=False)
     """What readers keep from one reading to the next, by a name of theirs."""
 
@@ -71,6 +86,20 @@ class RunView:
     def contacts(self) -> ListedContacts:
         """The contacts of the present lists."""
         return self.listed()
+
+    def gather(self) -> None:
+        """Let the view hold all grains and contacts of the run, whose forces are evaluated."""
+        if self.parts is not None:
+            self.parts.gather()
+
+    def still(self, name: str, moves: bool, read: Callable[[], Thing]) -> Thing:
+        """What ``read`` gives, once for all times if it never moves; kept under ``name``."""
+        if moves:
+            return read()
+        if name not in self.kept:
+            self.kept[name] = read()
+        kept: Thing = self.kept[name]
+        return kept
 
     def readings(self) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
         """Contact force [N], torque [N m], velocity [m/s] and spin [rad/s] of each grain, by id, shapes (n, 3).
