@@ -1,6 +1,7 @@
 """A bed over ranks, measured here, and what follows from that for more of them: `python tools/bench/scale.py --help`.
 
-Measured, on one machine: share of ghosts and of contacts that two ranks evaluate, bytes and time of an exchange, memory.
+Measured, on one machine: share of ghosts and of contacts that two ranks evaluate, bytes and time of an exchange, memory,
+time of a row of the history, of a look of the guards, and of gathering all grains.
 The time of an exchange is that of many in a row while no rank does anything else: no waiting for slower ranks is in it.
 
 What it prints as a projection is arithmetic with these numbers and with a network that was not measured.
@@ -11,7 +12,7 @@ import os
 import subprocess
 import sys
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from statistics import median
 from typing import Any
@@ -29,6 +30,8 @@ import warpdem
 from bench.readings import resident_bytes
 from bench.states import DIAMETER, Settings, Start, bed, given_bed, scene_of
 from bench.window import OtherLoad, commit, machine
+from warpdem.measure.column import Readings
+from warpdem.output.history import history_columns, history_row
 from warpdem.ranks import launcher
 from warpdem.ranks.follower import serve
 from warpdem.ranks.front import Front, leading
@@ -43,6 +46,8 @@ CLUSTERS = (
     ("100 nodes of 64 cores, a rank per core", 6400, 1e8, 1, 0.39e9),
 )
 """Nodes of 25 GB/s. Nothing of this was measured."""
+TIMED = ("row", "look", "gather")
+"""What is timed besides exchanges."""
 HOP = 1.5e-6  # latency of a message, and of each of the stages of an Allreduce [s]; not measured
 
 
@@ -75,6 +80,18 @@ def looked(rank: Rank, repeats: int) -> list[dict[str, Any]]:
     return found
 
 
+def after_a_step(sim: warpdem.Simulation, job: Callable[[], object], repeats: int = 5) -> float:
+    """Least wall time of a job [s], each time after a step, as what it reads is kept until then."""
+    times = []
+    for _ in range(repeats):
+        sim.step(1)
+        sim.evaluate()
+        begin = time.perf_counter()
+        job()
+        times.append(time.perf_counter() - begin)
+    return min(times)
+
+
 def width() -> int:
     """Size of what is sent of a grain [B]."""
     return 8 * grain.WIDTH[True]
@@ -98,6 +115,9 @@ def window(state: Path, side: float, steps: int, repeats: int, out: Path) -> Non
             found |= {"ranks": sim.loop.on_all(looked.__name__, repeats), "report": sim.loop.report()}
         else:
             found |= {"memory": resident_bytes(), "peak": resident_bytes(peak=True)}
+        columns = history_columns(sim.scene)  # last: gathering takes memory
+        jobs = {"row": lambda: history_row(columns, Readings(sim.evaluated)), "look": sim.guards.judge, "gather": sim.prepare}
+        found |= {name: after_a_step(sim, job) for name, job in jobs.items()}
         out.write_text(json.dumps(found))
 
 
@@ -121,7 +141,7 @@ def shown(one: dict[str, Any]) -> list[str]:
         f"{min(rank['inside'] for rank in each):.0%}", f"{max(rank['bytes'] for rank in each) / 1e3:.0f}",
         f"{1e6 * max(rank['call'] for rank in each):.0f}",
         f"{1e6 * max(rank['least_call'] for rank in each):.0f}", f"{1e6 * max(rank['least_flag'] for rank in each):.1f}",
-        f"{first:.0f}", f"{others:.0f}",
+        f"{first:.0f}", f"{others:.0f}", *(f"{1e3 * one[name]:.1f}" for name in TIMED),
     ]  # fmt: skip
 
 
@@ -206,13 +226,15 @@ def main(
     alone, shared = ([one for one in results if ("ranks" in one) == several] for several in (False, True))
     out.write_text(json.dumps({"machine": machine(), "commit": commit(), "results": results}, indent=1))
     console.print(table(
-        "one process: processor time per grain and step (ns), memory per grain (B)", ("grains", "step", "memory", "peak"),
+        "one process: processor time per grain and step (ns), memory per grain (B)",
+        ("grains", "step", "memory", "peak", *(f"{name} ms" for name in TIMED)),
         [[f"{one['grains']}", f"{1e9 * one['processor'] / steps / one['grains']:.0f}", f"{one['memory'] / one['grains']:.0f}",
-          f"{one['peak'] / one['grains']:.0f}"] for one in alone],
+          f"{one['peak'] / one['grains']:.0f}", *(f"{1e3 * one[name]:.1f}" for name in TIMED)] for one in alone],
     ))  # fmt: skip
     console.print(table(
         "several ranks, measured on this machine; memory per grain of the whole run (B): of rank 0, of a part like the others",
-        ("grains", "ranks", "ghosts", "double", "inside", "kB sent", "exchange us", "least us", "flag us", "rank 0", "others"),
+        ("grains", "ranks", "ghosts", "double", "inside", "kB sent", "exchange us", "least us", "flag us", "rank 0", "others",
+         *(f"{name} ms" for name in TIMED)),
         [shown(one) for one in shared],
     ))  # fmt: skip
     one = alone[-1]

@@ -53,7 +53,7 @@ class Reader:
         self._spread = self.rows if device.is_cuda else 1
         self._kept: dict[str, tuple[Any, wp.array]] = {}
         self._values: dict[str, np.ndarray] = {}
-        self._commands: dict[tuple[wp.Kernel, int], RecordedLaunch] = {}
+        self._commands: dict[tuple[wp.Kernel, int | str], RecordedLaunch] = {}
         self._nothing: wp.array = wp.zeros((0, 0), dtype=wp.float64, device=device)
         self.no_slots: wp.array = wp.zeros(0, dtype=wp.int32, device=device)
 
@@ -97,19 +97,19 @@ class Reader:
         """What has been added up, in whole numbers of ``exact_sum``, shape (columns, WIDTH); the sums are zero again."""
         columns = sums.shape[1]
         name, joined = self._named("digits", (columns, WIDTH), wp.int64)
-        self._command(kernels.joined_sums, 0, columns, [self.rows, sums, joined])()
+        self._command(kernels.joined_sums, name, columns, [self.rows, sums, joined])()
         return self._read(name, joined)
 
     def rounded(self, parts: Sequence[np.ndarray]) -> np.ndarray:
         """The sums of which each part of a run has given ``digits``, one float64 a column."""
         columns = parts[0].shape[0]
-        name, digits = self._named("parts", (len(parts), columns, WIDTH), wp.int64)
+        of, digits = self._named("parts", (len(parts), columns, WIDTH), wp.int64)
         if self._device.is_cpu:
-            np.stack(parts, out=self._host(name, digits))
+            np.stack(parts, out=self._host(of, digits))
         else:
             digits.assign(np.stack(parts))
         name, value = self._named("values", (columns,), wp.float64)
-        self._command(kernels.rounded_sums, 0, columns, [len(parts), digits, value])()
+        self._command(kernels.rounded_sums, of, columns, [len(parts), digits, value])()
         return self._read(name, value)
 
     def _named(self, kind: str, shape: tuple[int, ...], dtype: type) -> tuple[str, wp.array]:
@@ -180,11 +180,11 @@ class Reader:
         parts = enumerate(ranges(count, self._threads.count))
         self._threads.together([self._command(kernel, row, end - first, inputs(first, row)) for row, (first, end) in parts])
 
-    def _command(self, kernel: wp.Kernel, row: int, count: int, inputs: list[Any]) -> Callable[[], None]:
-        """The launch, recorded at the first call."""
-        command = self._commands.get((kernel, row))
+    def _command(self, kernel: wp.Kernel, key: int | str, count: int, inputs: list[Any]) -> Callable[[], None]:
+        """The launch, recorded at the first call with this key."""
+        command = self._commands.get((kernel, key))
         if command is None:
-            command = self._commands[kernel, row] = RecordedLaunch(kernel, count, inputs, self._device)
+            command = self._commands[kernel, key] = RecordedLaunch(kernel, count, inputs, self._device)
         else:
             command.prepare(count, inputs)
         return command.launch

@@ -45,8 +45,9 @@ class Totals:
         """The same, all of it made now: it may be read when the run has gone on."""
         names = ["pose", "bodies", "count", "_sums", "elastic", "surface_powers", "fields"]
         names += ["liquid"] if self.view.model.liquid is not None else []
-        names += ["worn"] if self.view.model.features.measures.wear else []
-        names += ["added_up", "losses"] if self.view.totals is not None else []
+        measures = self.view.model.features.measures
+        asked = {"worn": measures.wear, "losses": measures.energy, "added_up": self.view.totals is not None}
+        names += [name for name, there in asked.items() if there]
         for name in names:
             getattr(self, name)
         self.view = replace(self.view, model=self.view.model.at_present())
@@ -178,7 +179,7 @@ class Totals:
     @cached_property
     def losses(self) -> np.ndarray:
         """What contacts between grains have lost up to the present time, as of ``MeasureFeatures.of_contacts`` [J]."""
-        return window_sum.rounded(np.stack(self.each(Part.losses)))
+        return window_sum.rounded(np.concatenate(self.each(Part.losses)))
 
     @cached_property
     def worn(self) -> np.ndarray:

@@ -53,7 +53,10 @@ class StepReader(Protocol):
         """
 
     def read_losses(self) -> np.ndarray:
-        """Digits of what contacts between grains have lost up to the present time, as of ``MeasureFeatures.of_contacts``."""
+        """Digits of what contacts between grains have lost up to the present time, in rows to be added up.
+
+        As of ``MeasureFeatures.of_contacts``, shape (rows, losses, 5).
+        """
 
     def read_sums(self) -> dict[str, np.ndarray]:
         """What the budgets have added up per grain, by the names of ``MeasureFeatures.sums``, shapes (slots, width)."""
