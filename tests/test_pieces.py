@@ -171,6 +171,19 @@ def test_usd_pieces_show_each_frame_of_a_run_with_other_ranks(tmp_path):
         assert_array_equal(found.position, wanted.position)
 
 
+@pytest.mark.parametrize("pieces", [True, False])
+@pytest.mark.parametrize(("name", "left"), [("vtk", "result_vtk"), ("vtkhdf", "result_vtkhdf"), ("usd", "result_usd")])
+def test_an_overwritten_run_leaves_no_pieces(tmp_path, name, left, pieces):
+    """Of more ranks than there are now, or where frames are in one piece now; a run that goes on keeps them."""
+    write(tmp_path, name, range(2), 4)
+    before = {path for path in (tmp_path / left).rglob("*") if path.is_file()}
+    assert len(before) >= 4
+    writer_of(name, tmp_path, [], scene(), True, True).close()
+    assert {path for path in (tmp_path / left).rglob("*") if path.is_file()} == before
+    writer_of(name, tmp_path, [], scene(), False, pieces).close()
+    assert not [path for path in (tmp_path / left).rglob("*") if path.is_file() and path.stem != "walls"]
+
+
 @pytest.mark.parametrize(("pieces", "grains", "wanted"), [
     ("auto", own_pieces.MANY, False), ("auto", own_pieces.MANY + 1, True), ("one", own_pieces.MANY + 1, False),
     ("ranks", 1, True),

@@ -1,6 +1,8 @@
 """The pieces of a frame, one of each rank: taken out, and put together in the order of a frame that was written as a whole."""
 
+from contextlib import suppress
 from dataclasses import fields, replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -61,6 +63,18 @@ def order_of_contacts(contacts: Arrays) -> np.ndarray:
     """
     i, j, wall = (contacts[name] for name in ("i", "j", "wall"))
     return np.lexsort((np.where(wall < 0, j, -1 - wall), i, wall >= 0))
+
+
+def remove_pieces(folder: Path, pattern: str) -> None:
+    """Remove the pieces of a run whose results are written over: ranks that there are no more would leave theirs.
+
+    Args:
+        folder: where they are.
+        pattern: of their names.
+    """
+    for stale in folder.glob(pattern):
+        with suppress(OSError):  # what stays is in no index
+            stale.unlink()
 
 
 def _held(table: Snapshot | ContactNetwork | ClumpShots) -> list[str]:

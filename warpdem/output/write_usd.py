@@ -35,6 +35,7 @@ from warpdem.core.snapshot import Snapshot, WallMesh
 from warpdem.errors import WarpdemError
 from warpdem.filling.clump_template import clump_templates
 from warpdem.output import usd_clumps
+from warpdem.output.pieces import remove_pieces
 from warpdem.output.usd_attributes import GRAINS
 from warpdem.output.usd_clips import PARTS, time_code
 from warpdem.output.usd_grain_clips import GrainClips, LoadClips
@@ -88,6 +89,8 @@ class UsdWriter:
         """
         self._folder = Path(folder)
         (self._folder / PARTS).mkdir(parents=True, exist_ok=True)
+        if not resume:
+            remove_pieces(self._folder / PARTS, "piece_*.usd*")
         self._walls = walls
         self._scene = scene
         self._templates = list(clump_templates(scene).values()) if scene is not None else []

@@ -22,6 +22,7 @@ import numpy as np
 
 from warpdem.core.pose import Placement
 from warpdem.core.snapshot import ClumpShots, ContactNetwork, Snapshot, WallLoad, WallMesh
+from warpdem.output.pieces import remove_pieces
 from warpdem.output.pvd_index import Entry, read_index, write_index
 from warpdem.output.result_arrays import (
     clump_arrays,
@@ -68,6 +69,8 @@ class VtkWriter:
         """
         self._folder = Path(folder)
         self._folder.mkdir(parents=True, exist_ok=True)
+        if not resume:
+            remove_pieces(self._folder / PIECES, "*.vtp")
         self._walls = walls
         self._names = ["grains", *["contacts"] * contacts, *["clumps"] * clumps]
         paths = {name: self._folder / INDICES[name] for name in self._names}

@@ -64,7 +64,7 @@ class VtkhdfWriter:
         kinds |= {CLUMPS: ("Vertices", 1)} if clumps else {}
         kinds |= {GRAINS: ("Vertices", 1)}
         self._series, self._joined = {}, {}
-        if pieces and not resume:
+        if not resume:
             shutil.rmtree(folder / PIECES, ignore_errors=True)  # a run with more ranks would go on with what is there
         if pieces:
             self._joined = {
