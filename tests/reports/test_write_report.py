@@ -10,6 +10,7 @@ from browser import check_access, evaluated
 from page_check import check_html
 from warpdem import WarpdemError, report
 from warpdem.app import cli
+from warpdem.core.run_lock import locked
 from warpdem.reports import pictures
 
 HOSTILE = "<script>document.title='hit'</script> \"a\" & 'b' \u00e9"
@@ -104,7 +105,10 @@ def recorded(folder, record, history="time [s],kinetic [J]\n0,1\n1,2\n"):
 
 
 def test_a_run_that_has_only_begun_has_a_report(tmp_path):
-    text = report(recorded(tmp_path / "a", {"status": "running", "scene": "a.toml"}, None)).read_text()
+    folder = recorded(tmp_path / "a", {"status": "running", "scene": "a.toml"}, None)
+    with locked(folder):
+        text = report(folder).read_text()
+    assert ">ended without a record</span>" in report(folder).read_text()
     assert ">running</span>" in text and "history.csv: cannot be read" in text and 'class="status bad"' in text
     recorded(tmp_path / "b", {"status": "interrupted"}, "time [s],kinetic [J]\n")
     assert "<h2" in report(tmp_path / "b").read_text()

@@ -8,6 +8,7 @@ import pytest
 import twelve_grains
 import warpdem
 from warpdem import WarpdemError, runs
+from warpdem.core.run_lock import LOCK, locked
 
 
 def recorded(folder, record, history="time [s],x [m]\n0,1\n1,2\n"):
@@ -68,4 +69,14 @@ def test_a_record_leads_to_no_other_folder(tmp_path):
 
 def test_an_unfinished_run_is_read(tmp_path):
     run = runs.read(recorded(tmp_path / "a", {"status": "running", "scene": "b.toml"}))
-    assert run.history.rows == 2 and repr(run).endswith("of b.toml: running>")
+    assert run.history.rows == 2
+    with locked(tmp_path / "a"):
+        assert repr(run).endswith("of b.toml: running>")
+
+
+def test_a_run_that_was_killed_is_not_said_to_run(tmp_path):
+    """Whether the file of its lock is still there, as after SIGKILL, or was removed with it."""
+    run = runs.read(recorded(tmp_path / "a", {"status": "running", "scene": "b.toml"}))
+    assert run.status == "ended without a record"
+    (tmp_path / "a" / LOCK).write_text("{}")
+    assert run.status == "ended without a record"

@@ -7,6 +7,7 @@ from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from warpdem.core.run_lock import is_left
 from warpdem.errors import WarpdemError
 from warpdem.runs.history import History, joined, read_history
 
@@ -14,6 +15,7 @@ if TYPE_CHECKING:
     from warpdem.output.read_frames import AnyResults
 
 RECORD, HISTORY = "run.json", "history.csv"
+ENDED = "ended without a record"
 
 
 class Run:
@@ -54,8 +56,12 @@ class Run:
 
     @property
     def status(self) -> str:
-        """Status in run.json: running, done, interrupted, stopped itself, failed, output cannot be written."""
-        return str(self.record.get("status", "unknown"))
+        """Status in run.json: running, done, interrupted, stopped itself, failed, output cannot be written.
+
+        ``ENDED`` of a run that was killed, or that a rank has ended: run.json says "running", but nobody writes there.
+        """
+        status = str(self.record.get("status", "unknown"))
+        return ENDED if status == "running" and is_left(self.folder) else status
 
     @property
     def last(self) -> dict[str, Any]:
