@@ -1,7 +1,7 @@
 """Messages as between GPUs, over MPI and memory of the host: what a graph of several steps holds can be replayed on a CPU.
 
-Each call is a launch of one thread that calls a function of the host, so that a captured graph makes it whenever it is replayed,
-as those of NCCL.
+Each is a launch of one thread that calls a function of the host, so that a captured graph makes it whenever it is replayed, as
+it does with those of NCCL.
 """
 
 import ctypes

@@ -64,11 +64,11 @@ class NcclMessages:
 
     def send(self, values: wp.array[Any], rank: int) -> None:
         """As ``DeviceMessages``."""
-        self._comm.send(as_bytes(values), rank, stream=self._device.stream)
+        self._comm.send(as_bytes(values), rank, stream=wp.get_stream(self._device))
 
     def receive(self, values: wp.array[Any], rank: int) -> None:
         """As ``DeviceMessages``."""
-        self._comm.recv(as_bytes(values), rank, stream=self._device.stream)
+        self._comm.recv(as_bytes(values), rank, stream=wp.get_stream(self._device))
 
     def add(self, values: wp.array[Any]) -> None:
         """As ``DeviceMessages``."""
@@ -81,7 +81,7 @@ class NcclMessages:
     def _reduce(self, values: wp.array[Any], operation: Any) -> None:
         flat = array_view(values, (values.size,), values.dtype)
         with wp.ScopedDevice(self._device):
-            self._comm.allreduce(flat, flat, operation, stream=self._device.stream)
+            self._comm.allreduce(flat, flat, operation, stream=wp.get_stream(self._device))
 
     def close(self) -> None:
         """As ``DeviceMessages``."""
