@@ -90,6 +90,9 @@ class Nccl:
     def destroy(self):
         self.calls.append(("destroy", (), {}))
 
+    def abort(self):
+        self.calls.append(("abort", (), {}))
+
 
 @pytest.fixture
 def nccl(monkeypatch):
@@ -138,7 +141,7 @@ def test_where_nccl_cannot_be_all_ranks_know_and_why(nccl, there, others, why):
     assert messages is None
     assert re.match(why, found), found
     if there is not None and any(name == "allreduce" for name, _, _ in there.calls):
-        assert there.calls[-1][0] == "destroy"  # of those that had begun
+        assert there.calls[-1][0] == "abort"  # of those that had begun, without the others
 
 
 def test_a_run_says_which_way_its_messages_go(monkeypatch, caplog):
@@ -218,7 +221,8 @@ def test_calls_are_those_that_nccl4py_takes(nccl):
         assert (seen.ptr, seen.count) == (given[0].ptr, given[0].size)
         kinds = {wp.uint8: real.UINT8, wp.int32: real.INT32, wp.int64: real.INT64}
         assert seen.dtype == kinds[given[0].dtype]
-    inspect.signature(real.Communicator.destroy).bind(None)
+    for end in (real.Communicator.destroy, real.Communicator.abort):
+        inspect.signature(end).bind(None)
     inspect.signature(real.group).bind()
 
 

@@ -87,6 +87,10 @@ class NcclMessages:
         """As ``DeviceMessages``."""
         self._comm.destroy()
 
+    def abort(self) -> None:
+        """Let go on this rank alone: another one has failed to begin."""
+        self._comm.abort()
+
 
 def as_bytes(values: wp.array[Any]) -> wp.array[Any]:
     """The memory of a contiguous array as bytes: messages know no vectors."""
@@ -94,7 +98,10 @@ def as_bytes(values: wp.array[Any]) -> wp.array[Any]:
 
 
 def nccl_messages(world: World, device: wp.Device) -> tuple[NcclMessages | None, str]:
-    """Messages by NCCL; None where some rank cannot have them, and why. Called on all ranks together."""
+    """Messages by NCCL; None where some rank cannot have them, and why. Called on all ranks together.
+
+    All that a rank can know by itself is agreed on first: in NCCL's own start a rank waits for one that has failed.
+    """
     gpus = world.everyone(device.uuid)
     if None in gpus:
         return None, f"rank {gpus.index(None)} has no GPU"
@@ -118,7 +125,7 @@ def nccl_messages(world: World, device: wp.Device) -> tuple[NcclMessages | None,
         problem = f"NCCL does not start ({error})"
     if why := _first(world, problem):
         if messages is not None:
-            messages.close()
+            messages.abort()
         return None, why
     return messages, ""
 
