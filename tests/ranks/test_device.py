@@ -23,9 +23,10 @@ from rank_scenes import few
 from warpdem.engine.cpu import CpuExecutor
 from warpdem.engine.graph_of_stages import StageExecutor
 from warpdem.engine.graph_of_steps import StepsExecutor
+from warpdem.errors import SceneError
 from warpdem.model.digests import Given
 from warpdem.model.prepare import prepare
-from warpdem.ranks import device_messages, ways
+from warpdem.ranks import device_messages, follower, ways
 from warpdem.ranks.device_exchange import DeviceExchange, Rows
 from warpdem.ranks.device_messages import NcclMessages, nccl_messages
 
@@ -36,7 +37,7 @@ class Ranks:
     """One rank of several whose others are lines of the test: what they give, one call after the other."""
 
     def __init__(self, size: int, rank: int, *others: object) -> None:
-        self.size, self.rank, self._others = size, rank, list(others)
+        self.size, self.rank, self.local_rank, self._others = size, rank, rank, list(others)
         self.comm = SimpleNamespace(bcast=lambda value: value if rank == 0 else "id of rank 0")
         self.at_end: list = []
 
@@ -160,6 +161,24 @@ def test_a_run_says_which_way_its_messages_go(monkeypatch, caplog):
     assert "rank 0 has no GPU" in said[-2] and said[-1] == f"ranks exchange by {way.text}"
     alone, _ = prepare(Given.of(few()), CPU, resident=False, ranks=True)
     assert ways.way_of(Ranks(2, 0), alone).executor is CpuExecutor
+
+
+def test_a_rank_that_failed_before_is_not_asked_for_its_gpu(monkeypatch):
+    """Its error is that of all ranks, said to each other once."""
+    model, _ = prepare(Given.of(few()), CPU, resident=True, ranks=True)
+    world, said = Ranks(2, 1), []
+
+    def raise_first(error) -> None:
+        said.append(error)
+        world.agreed = SceneError("rank 0 has no GPU")
+        raise world.agreed
+
+    world.raise_first = raise_first
+    monkeypatch.setattr(ways, "messages_of", lambda world, device: pytest.fail("asked"))
+    monkeypatch.setattr(follower, "without_grains", lambda decided, device: model)
+    with pytest.raises(SceneError, match="rank 0 has no GPU"):
+        follower._new_rank(world, None, 1, "cpu")
+    assert said == [None]
 
 
 # -- what is asked of NCCL ------------------------------------------------------------------------
