@@ -22,7 +22,7 @@ from warpdem.kernels.step.structs import Control, Report
 from rank_scenes import few
 from warpdem.engine.cpu import CpuExecutor
 from warpdem.engine.graph_of_stages import StageExecutor
-from warpdem.engine.graph_of_steps import StepsExecutor
+from warpdem.engine.graph_of_steps import Steps, StepsExecutor
 from warpdem.errors import SceneError
 from warpdem.model.digests import Given
 from warpdem.model.prepare import prepare
@@ -222,6 +222,18 @@ def test_messages_of_a_step(nccl):
     assert ghosts[4][1] == ghosts[5][1] == 2 and ghosts[5][0].size == 8
     sent = 3 * 40 + 2 * 4
     assert (exchange.calls, exchange.bytes) == (8, 8 * (2 * sent + 96))
+
+
+def test_other_memory_asks_for_another_graph(nccl):
+    """Slots of answers change with the inner list, whose arrays may be those of before."""
+    exchange = exchanged(nccl(Nccl()))
+    steps = Steps(SimpleNamespace(device=CPU), None, None, exchange)
+    before = steps.key()
+    assert steps.key() == before
+    exchange.connect_answers(None, {})
+    between = steps.key()
+    exchange.connect([], 0, {}, {})
+    assert len({before, between, steps.key()}) == 3
 
 
 def test_calls_are_those_that_nccl4py_takes(nccl):

@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 import warp as wp
 
+from warpdem.core.array_view import array_view
 from warpdem.kernels.step import messages as kernels
 from warpdem.kernels.step.exchange import FLAGS
 from warpdem.ranks.device_messages import DeviceMessages
@@ -20,11 +21,7 @@ from warpdem.ranks.device_messages import DeviceMessages
 def words(values: wp.array) -> wp.array:
     """Rows of an array, shape (n,), which may be a column of a table, as words of four bytes, shape (n, words)."""
     count = wp.types.type_size_in_bytes(values.dtype) // 4
-    out: wp.array = wp.array(
-        ptr=values.ptr, shape=(len(values), count), strides=(values.strides[0], 4), dtype=wp.uint32, device=values.device
-    )
-    out._ref = values  # type: ignore[assignment]  # as in Warp's own views
-    return out
+    return array_view(values, (len(values), count), wp.uint32, strides=(values.strides[0], 4))
 
 
 class Rows:
