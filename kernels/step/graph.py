@@ -267,8 +267,7 @@ def build(
             for k in range(wp.static(FLAGS.stop - FLAGS.start)):
                 bits = bits | (report.moved[wp.static(FLAGS.start) + k] << k)
             report.moved[0] = bits
-            if bits > 0:
-                clock_out[MOVED_AT] = ahead + 1
+            clock_out[MOVED_AT] = wp.where(bits > 0, ahead + 1, 0)
 
     return KernelSet(
         pair_forces=pair_forces, wall_forces=wall_forces, move=move, advance_clock=advance_clock, resume=resume,
