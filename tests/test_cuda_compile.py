@@ -4,6 +4,7 @@ import pytest
 import warp as wp
 from warpdem.kernels import packing
 from warpdem.kernels.lists import numbering
+from warpdem.kernels.step import messages
 from warpdem.kernels.wall import distance
 
 import cubin
@@ -110,7 +111,8 @@ def test_kernels_of_a_plan_compile_for_cuda_into_registers(folder, name):
 
 def test_kernels_that_differ_over_several_ranks_compile_for_cuda(folder):
     built = compile_kernels(switched(MAIN_JOB, backend={"ranks": True}))
-    for kernel in (built.graph.found, built.graph.move, built.neighbors.find_neighbors):
+    of_messages = messages.take_rows, messages.put_rows
+    for kernel in (built.graph.found, built.graph.agreed, built.graph.move, built.neighbors.find_neighbors, *of_messages):
         resources = compiled(kernel, folder)
         assert resources.frame == 0 and 0 < resources.registers <= MOST_REGISTERS["move"], f"{kernel.key}: {resources}"
 

@@ -16,6 +16,8 @@
     region         which of the regions, in which grains leave, a place is in
     barrier        where the CPU threads meet between phases
     clock          conditions and counters of a batch of steps
+    exchange       where a step calls the host in a run over several processes
+    messages       rows of arrays that go from GPU to GPU
 
 ``loop`` and ``graph`` compute the same bits on a CPU.
 """

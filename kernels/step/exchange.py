@@ -8,6 +8,9 @@ import warp as wp
 
 TOO_DEEP = 4
 """What ranks agree on besides BEYOND and LEFT of ``motion``: an overlap exceeds the allowed one."""
+FLAGS = slice(1, 4)
+"""Of ``Report.moved``, where steps are launches: each of these bits as a number of its own, so that their largest over the
+ranks says what was found on any."""
 ARRIVED = -2
 """In place of a stage: wait for the ghosts of the last one, which are under way while the other contacts are evaluated."""
 WALL_LOADS = -1

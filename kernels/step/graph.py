@@ -10,8 +10,10 @@ The largest overlap and speed are kept by atomic maxima, which are the same in a
 into cells, in an order that ``find_neighbors`` sorts away. So two runs have equal bits. A maximum is compared before it is
 raised: nearly all threads only read.
 
-In a run over several processes (ranks) the host stands between the stages of each step, where ghosts get their new state, and
-ends a batch of steps for all ranks at once: no launch decides by itself that a step is not taken.
+In a run over several processes (ranks) ghosts get their new state between the stages of each step, and a batch of steps ends
+for all ranks at once: no launch decides by itself that a step is not taken. Either the host stands between the stages and ends
+the batch, or messages from GPU to GPU do (``warpdem.engine.graph_of_steps``): there the largest of all ranks' flags, which
+``found`` writes, ends it by ``agreed``, and the launches that follow in the graph do nothing.
 """
 
 import functools
@@ -38,7 +40,7 @@ from warpdem.kernels.step.clock import (
     WALL_GRAINS,
     forces_due,
 )
-from warpdem.kernels.step.exchange import TOO_DEEP
+from warpdem.kernels.step.exchange import FLAGS, TOO_DEEP
 from warpdem.kernels.step.forces import too_deep
 from warpdem.kernels.step.motion import BEYOND, LEFT
 from warpdem.kernels.step.schedule import Placement, kick_time, last_drift_rotation, slip_time
@@ -232,12 +234,19 @@ def build(
             for f in range(wp.static(history)):
                 history_out[p, f, k] = of_new_list[p, f, k]
 
-    found = None
+    found = agreed = None
     if ranks:
 
+        @wp.func
+        def was_taken(ahead: int, clock: wp.array(dtype=wp.int32)) -> bool:
+            """Whether the step that began ``ahead`` steps from now was taken: none had ended the batch before."""
+            return ahead < clock[STEPS_LEFT] and (clock[MOVED_AT] == 0 or clock[MOVED_AT] > ahead)
+
         @kernel
-        def found(control: Control, report: Report, clock: wp.array(dtype=wp.int32)):
+        def found(ahead: int, control: Control, report: Report, clock: wp.array(dtype=wp.int32)):
             """One thread: what was found in the step, which all ranks agree on; that a grain left is looked for again."""
+            if not was_taken(ahead, clock):
+                return
             bits = int(0)
             if clock[MOVED_AT] > 0:
                 bits = wp.static(LEFT)
@@ -246,9 +255,22 @@ def build(
             if too_deep(report.extreme, 0, control.max_overlap):
                 bits = bits | wp.static(TOO_DEEP)
             report.moved[0] = bits
+            for k in range(wp.static(FLAGS.stop - FLAGS.start)):
+                report.moved[wp.static(FLAGS.start) + k] = (bits >> k) & 1
+
+        @kernel
+        def agreed(ahead: int, report: Report, clock_out: wp.array(dtype=wp.int32)):
+            """One thread: what was found on any rank, whose flags are the largest of all; it ends the batch after this step."""
+            if not was_taken(ahead, clock_out):
+                return
+            bits = int(0)
+            for k in range(wp.static(FLAGS.stop - FLAGS.start)):
+                bits = bits | (report.moved[wp.static(FLAGS.start) + k] << k)
+            report.moved[0] = bits
+            clock_out[MOVED_AT] = wp.where(bits > 0, ahead + 1, 0)
 
     return KernelSet(
         pair_forces=pair_forces, wall_forces=wall_forces, move=move, advance_clock=advance_clock, resume=resume,
         check_capacity=check_capacity, adopt_history=adopt_history, add_wall_loads=add_wall_loads,
-        advance_walls=advance_walls, found=found,
+        advance_walls=advance_walls, found=found, agreed=agreed,
     )  # fmt: skip

@@ -3,19 +3,25 @@
 Of the N processes SIZE share the scene NAME; results go to FOLDER/NAME-SIZE. With a SIZE of 2+3 two of them share the first
 half, and three resume it; 1 is a run without ranks. Cuts are moved at random at every outer list, so that many grains
 change hands; every second exchange, at random, begins when it should have ended. HOW ``resident``: ranks step by graphs, as
-on GPUs; ``pieces``: each writes its own pieces of the frames.
+on GPUs; ``device``: and their messages go from device to device, within graphs of several steps, where batches that were ended
+are noted in FOLDER/ends.json; ``pieces``: each writes its own pieces of the frames.
 """
 
+import json
 import sys
+from collections import defaultdict
 from pathlib import Path
 
 import numpy as np
 from mpi4py import MPI
 
+from mpi_device import MpiMessages
 from rank_scenes import SCENES, in_pieces
+from warpdem.app import run as steps_of_run
 from warpdem.app.phases import run
 from warpdem.assembly import parts
-from warpdem.ranks import rank
+from warpdem.engine.graph_of_steps import StepsExecutor
+from warpdem.ranks import rank, ways
 from warpdem.ranks.cuts import Cuts
 from warpdem.ranks.exchange import Links
 from warpdem.ranks.follower import serve
@@ -31,7 +37,19 @@ def main() -> None:
         kept = draw.random(len(position)) < np.where(position[:, 0] > np.median(position[:, 0]), draw.random(), 1.0)
         return Cuts.of(position[kept], weight[kept], cuts.parts)
 
-    if "resident" in sys.argv[3:]:
+    ends = defaultdict(list)
+    if "device" in sys.argv[3:]:
+        ways.messages_of = lambda world, device: (MpiMessages(world), "")
+        advance = StepsExecutor.advance
+
+        def noted(executor, count, *arguments):
+            done, found = advance(executor, count, *arguments)
+            ends[task].append((count, done, found))
+            return done, found
+
+        StepsExecutor.advance = noted
+        steps_of_run.SECONDS_PER_CHUNK = 1e3  # batches end where the schedule of the output says, however slow the machine is
+    if "resident" in sys.argv[3:] or "device" in sys.argv[3:]:
         prepare = parts.prepare
         parts.prepare = lambda given, device, resident, past, ranks: prepare(given, device, ranks, past, ranks)
     start, finish = Links.start, Links.finish
@@ -67,6 +85,8 @@ def main() -> None:
             until = end * (part + 1) / len(each)
             with leading(world):
                 run(scene, folder / task, quiet=True, picture=False, threads=1 + int(size == 2), until=until, resume=part > 0)
+    if MPI.COMM_WORLD.rank == 0:
+        (folder / "ends.json").write_text(json.dumps(ends))
 
 
 if __name__ == "__main__":

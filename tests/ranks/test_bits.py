@@ -10,8 +10,11 @@ import pytest
 
 pytest.importorskip("mpi4py")
 
+from warpdem.kernels.step.motion import BEYOND, LEFT
+
 from rank_scenes import SCENES
 from warpdem.app.phases import run
+from warpdem.engine.graph_of_steps import STEPS as GRAPH
 from warpdem.ranks import launcher
 
 PROGRAM = Path(__file__).parents[1] / "helpers" / "rank_program.py"
@@ -25,6 +28,9 @@ BY_CHANCE = ("few", "2")
 """Three grains on two ranks, of which the draw of the cuts may move none."""
 GRAPHS = [("stirred", "2"), ("poured", "2")]
 OTHER_GRAPHS = [(name, size) for name in SCENES for size in ("2", "3") if (name, size) not in (*GRAPHS, BY_CHANCE)]
+STEPS = [("poured", "2"), ("held", "3")]
+"""Streams, an outlet and a border beside each other; walls that move by their load, and ranks without grains."""
+OTHER_STEPS = [(name, size) for name in SCENES for size in ("2", "3") if (name, size) not in (*STEPS, BY_CHANCE)]
 FEW = {"few": 4, "held": 2}
 """Least number of grains that go to another rank where there are few."""
 
@@ -56,6 +62,16 @@ def folder_of_others(tmp_path_factory):
 @pytest.fixture(scope="module")
 def folder_of_graphs(tmp_path_factory):
     return results(tmp_path_factory.mktemp("ranks"), GRAPHS, "resident")
+
+
+@pytest.fixture(scope="module")
+def folder_of_steps(tmp_path_factory):
+    return results(tmp_path_factory.mktemp("ranks"), STEPS, "device")
+
+
+@pytest.fixture(scope="module")
+def folder_of_other_steps(tmp_path_factory):
+    return results(tmp_path_factory.mktemp("ranks"), OTHER_STEPS, "device")
 
 
 @pytest.fixture(scope="module")
@@ -118,3 +134,33 @@ def test_graphs_of_a_gpu_give_the_files_of_one_process(folder_of_graphs, name, s
 @pytest.mark.parametrize(("name", "size"), OTHER_GRAPHS)
 def test_graphs_of_a_gpu_give_the_files_of_one_process_in_other_scenes(folder_of_other_graphs, name, size):
     compare(folder_of_other_graphs, name, size)
+
+
+@pytest.mark.parametrize(("name", "size"), STEPS)
+def test_messages_between_devices_give_the_files_of_one_process(folder_of_steps, name, size):
+    """Graphs of several steps hold the messages, replayed on a CPU with MPI in place of NCCL."""
+    compare(folder_of_steps, name, size)
+    ranks = json.loads((folder_of_steps / f"{name}-{size}" / "run.json").read_text())["ranks"]
+    assert all(rank["way"].endswith(f"from device to device, in graphs of {GRAPH} steps") for rank in ranks)
+
+
+@pytest.mark.parametrize(("name", "size"), STEPS)
+def test_steps_end_within_graphs(folder_of_steps, name, size):
+    """Lists are built after a step in the middle of a graph, and batches end there."""
+    ends = json.loads((folder_of_steps / "ends.json").read_text())[f"{name}-{size}"]
+    assert any(found & (BEYOND | LEFT) and done % GRAPH and done < count for count, done, found in ends)
+    assert any(not found and done % GRAPH and done == count for count, done, found in ends)
+    assert all(found or done == count for count, done, found in ends)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("name", "size"), OTHER_STEPS)
+def test_messages_between_devices_give_the_files_of_one_process_in_other_scenes(folder_of_other_steps, name, size):
+    compare(folder_of_other_steps, name, size)
+
+
+@pytest.mark.slow
+def test_steps_go_on_over_several_graphs(folder_of_other_steps):
+    """And lists are built after a step of the second or a later one."""
+    every = json.loads((folder_of_other_steps / "ends.json").read_text()).values()
+    assert any(found and done > GRAPH and done % GRAPH for ends in every for _, done, found in ends)

@@ -64,12 +64,12 @@ def test_what_was_found_in_a_step_is_said(moved_at, beyond, overlap, wanted):
     control, report = Control(), Report()
     control.max_overlap = wp.array([0.2], dtype=wp.float64, device="cpu")
     report.extreme = wp.array([overlap, 0.0, 0.0, 0.0], dtype=wp.float64, device="cpu")
-    report.moved = wp.array([-1], dtype=wp.int32, device="cpu")
+    report.moved = wp.full(4, -1, dtype=wp.int32, device="cpu")
     clock = np.zeros(clock_slots.SLOTS, dtype=np.int32)
-    clock[[clock_slots.MOVED_AT, clock_slots.BEYOND_LISTS]] = moved_at, beyond
-    inputs = [control, report, wp.array(clock, dtype=wp.int32, device="cpu")]
+    clock[[clock_slots.MOVED_AT, clock_slots.BEYOND_LISTS, clock_slots.STEPS_LEFT]] = moved_at, beyond, 1
+    inputs = [0, control, report, wp.array(clock, dtype=wp.int32, device="cpu")]
     wp.launch(model.kernels.graph.found, dim=1, inputs=inputs, device="cpu")
-    assert report.moved.numpy().tolist() == [wanted]
+    assert report.moved.numpy().tolist() == [wanted, *(int(wanted & bit > 0) for bit in (BEYOND, LEFT, TOO_DEEP))]
 
 
 def test_each_rank_of_a_machine_has_a_gpu_of_its_own(monkeypatch):

@@ -23,7 +23,7 @@ from rich.console import Console
 from rich.table import Table
 
 import warpdem
-from bench.states import OWN_GLASS, Model, Settings, Start, bed, given_bed, mid_discharge, scene_of
+from bench.states import OWN_GLASS, Model, Precision, Settings, Start, bed, given_bed, mid_discharge, scene_of
 from bench.window import OtherLoad, commit, machine
 
 PARTS = ("pairs", "walls", "motion", "lists", "rest")
@@ -108,6 +108,7 @@ def main(
     warm: int = 50,
     steps: int = 200,
     repeats: int = 15,
+    precision: Precision = "double",
     settle: int = 20_000,
     flow: float = 0.12,
     work: Path | None = None,
@@ -124,12 +125,13 @@ def main(
         warm: Steps before the windows.
         steps: Steps of each window.
         repeats: Windows, and launches of each phase, of which the quickest counts.
+        precision: Of the contact law.
         settle: Steps that a bed made here settles.
         flow: Simulated time from turning the hourglass over to the windows [s].
         work: Folder that keeps states; a temporary one if not given.
         out: JSON file to write.
     """
-    settings, rows = Settings(warm=warm, steps=steps, repeats=repeats), []
+    settings, rows = Settings(warm=warm, steps=steps, repeats=repeats, precision=precision), []
     with tempfile.TemporaryDirectory() as temporary:
         folder = Path(work or temporary).resolve()
         folder.mkdir(parents=True, exist_ok=True)

@@ -65,13 +65,15 @@ def ranks_text(ranks: list[dict[str, Any]]) -> str:
     grains, ghosts = (sum(rank[name] for rank in ranks) for name in ("grains", "ghosts"))
     if not grains or not ranks[0]["exchanges"]:
         return f"{len(ranks)}"
-    waiting = [rank["waiting"] / max(rank["seconds"].get("steps", 0.0), 1e-9) for rank in ranks]
+    timed = [rank for rank in ranks if rank["waiting"] is not None]
+    waiting = [rank["waiting"] / max(rank["seconds"].get("steps", 0.0), 1e-9) for rank in timed]
+    time = f"{min(waiting):.0%} to {max(waiting):.0%} of the steps' time in exchanges; " if timed else ""
     sent = max(rank["bytes"] / rank["exchanges"] for rank in ranks)
     most = max(rank["grains"] for rank in ranks) * len(ranks) / grains
     devices = ", ".join(sorted({rank["device"] for rank in ranks}))
     return (
         f"{len(ranks)} on {devices}, the largest with {most:.2f} of the mean of grains; {ghosts / grains:.1%} ghosts; up to "
-        f"{sent / 1e3:.3g} kB sent per step; {min(waiting):.0%} to {max(waiting):.0%} of the steps' time in exchanges; "
+        f"{sent / 1e3:.3g} kB sent per step by {ranks[0]['way']}; {time}"
         f"{sum(rank['migrated'] for rank in ranks)} grains went to another rank"
     )
 

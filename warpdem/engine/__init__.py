@@ -8,6 +8,7 @@ Read ``program`` first: the step and the list build, every launch in its order, 
     cpu             runs them on CPU threads: the host decides, a batch of steps is one launch per thread
     graph           runs them as one captured graph: the device decides (a GPU, or a CPU with resident=True)
     graph_of_stages the same over several processes: a graph of each stage, between which the host exchanges grains
+    graph_of_steps  the same, where messages go from GPU to GPU: graphs of a fixed number of steps, messages included
     host_build      what the host decides in a list build: order in memory, lengths of arrays
     cpu_lists       on CPU threads: check and inner list in one launch each
     neighbor_list   WHEN the host builds lists: skins, grains inserted and removed

@@ -41,6 +41,7 @@ class Engine:
         threads: CPU threads.
         timers: add up the time by stage.
         lists: what decides when lists are built.
+        executor: how steps are run; None for what ``executor_of`` says.
 
     Attributes:
         lists: neighbor lists and contacts.
@@ -51,13 +52,13 @@ class Engine:
 
     def __init__(
         self, model: Model, state: State, clock: Clock, threads: Threads, timers: Timers,
-        lists: type[NeighborLists] = NeighborLists,
+        lists: type[NeighborLists] = NeighborLists, executor: type[CpuExecutor] | type[GraphExecutor] | None = None,
     ) -> None:  # fmt: skip
         self._model, self._state, self._clock, self._timers = model, state, clock, timers
         self._read: tuple[wp.array, wp.array, wp.array] | None = None
         self._reading: RecordedLaunch | None = None
         self.executor: CpuExecutor | GraphExecutor
-        self.executor = executor_of(model)(model, state, clock, threads)
+        self.executor = (executor or executor_of(model))(model, state, clock, threads)
         self.batch = Batch(model, clock, timers, self.executor.threads, self.executor.steps_ahead)
         self.leavers = Leavers(model.domain, state, clock)
         pool, list_build = self.executor.storage.pool, self.executor.list_build

@@ -6,7 +6,7 @@ those that the device cannot (``host_build``), and captures the launches of ``pr
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Protocol
 
 import numpy as np
 import warp as wp
@@ -170,7 +170,12 @@ class GraphExecutor:
 
     def _begin(self, captured: "Captured", count: int, forces_first: bool, hold: bool) -> None:
         """Set the clock for a batch of ``count`` steps; arguments as of ``advance``."""
-        lists, batch = captured.lists, captured.batch
+        self._set_clock(captured.lists, captured.batch, count, hold)
+        if forces_first:
+            captured.step.forces(0)
+
+    @staticmethod
+    def _set_clock(lists: NeighborLists, batch: Batch, count: int, hold: bool) -> None:
         batch.set_time()
         clock = batch.clock.numpy().copy()
         clock[[STEPS_LEFT, HOLD_FORCES, RUN]] = count, hold, count > 0
@@ -178,8 +183,6 @@ class GraphExecutor:
         clock[OUTER_BUILDS_LEFT] = lists.device_builds_left
         clock[OUTER_NOT_BEFORE] = lists.flights.wanted_before()
         batch.clock.assign(clock)
-        if forces_first:
-            captured.step.forces(0)
 
     def _run(self, captured: "Captured") -> None:
         """Launch the graph of these arrays; step by step where conditional nodes are unknown."""
@@ -188,7 +191,7 @@ class GraphExecutor:
             return
         wp.capture_launch(self._graphs_of(captured, [captured.loop])[0])
 
-    def _graphs_of(self, captured: "Captured", parts: Sequence[Callable[[], None]]) -> list[wp.Graph]:
+    def _graphs_of(self, captured: "Launches", parts: Sequence[Callable[[], None]]) -> list[wp.Graph]:
         """Graphs of the launches of each of ``parts`` over these arrays, captured at first use."""
         key = captured.key()
         if key not in self._graphs:
@@ -203,6 +206,19 @@ class GraphExecutor:
             self._graphs[key] = graphs, captured.arrays()  # kept: the arrays that they read and write
             self.captures += 1
         return self._graphs[key][0]
+
+
+class Launches(Protocol):
+    """What is captured."""
+
+    def key(self) -> tuple:
+        """What the graph holds by value."""
+
+    def load(self) -> None:
+        """Compile what the graph launches: not possible within a capture on every system."""
+
+    def arrays(self) -> list[wp.array]:
+        """All arrays that the launches read and write."""
 
 
 class Captured:

@@ -71,7 +71,7 @@ class Stages:
             step.forces(0, stage)
         step.move(0, stage)
         if stage == b.stages - 1:
-            step.launch.once(self._kernels.found, b.control, b.report, b.clock)
+            step.launch.once(self._kernels.found, 0, b.control, b.report, b.clock)
 
     def _end(self) -> None:
         """Forces at the end of the step, if they are wanted here."""

@@ -19,7 +19,9 @@ travels. Lists are rebuilt on all ranks at the same step; there grains change ha
     follower     the other ranks
     estimate     what a scene would exchange
     devices      the device of each rank
+    ways         which exchange a run takes, and why
     staging      the exchange where steps run on a GPU, through memory of the host
+    device_exchange, device_messages   the exchange within the graphs of GPUs, and NCCL, which carries it
 
 Rank 0 decides all that hangs on time, signals and files. What is read of the run, it reads of the whole, which it gathers.
 """

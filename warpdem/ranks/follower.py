@@ -52,7 +52,8 @@ def _new_rank(world: World, decided: Decisions, threads: int, asked: str | None)
         device = pick_device(device_name(asked, world.local_rank))
         rank = Rank(world, without_grains(decided, device), run_threads(threads, 0, grows=False, cpu=device.is_cpu))
     except WarpdemError as error:
-        world.raise_first(error)
+        if error is not world.agreed:
+            world.raise_first(error)
         raise
     world.raise_first(None)
     return rank

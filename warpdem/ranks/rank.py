@@ -8,9 +8,7 @@ import numpy as np
 
 from warpdem.core.threads import Threads
 from warpdem.core.timers import Timers
-from warpdem.engine.cpu import CpuExecutor
 from warpdem.engine.engine import Engine
-from warpdem.engine.graph_of_stages import StageExecutor
 from warpdem.engine.host_build import morton_order
 from warpdem.errors import StabilityError
 from warpdem.filling.clump_grains import no_clumps
@@ -25,11 +23,11 @@ from warpdem.model.model import Model
 from warpdem.ranks import halo, transfer
 from warpdem.ranks.answers import shared_slots
 from warpdem.ranks.cuts import Cuts
-from warpdem.ranks.exchange import Exchange
+from warpdem.ranks.device_exchange import DeviceExchange
 from warpdem.ranks.lists import RankLists
 from warpdem.ranks.portion import OF_GHOSTS, Portion, Table, numbered, with_ghosts
 from warpdem.ranks.reading import RankReadings
-from warpdem.ranks.staging import StagedExchange
+from warpdem.ranks.ways import way_of
 from warpdem.ranks.world import World
 from warpdem.state import contact_history
 from warpdem.state.clock import Clock
@@ -81,22 +79,14 @@ class Rank(RankReadings):
         self.world, self._model, features = world, model, model.features
         self.clock, self._timers = Clock(model.dt), Timers()
         self.state = State.of(model, nobody(features.contact.clumps))
-        self.engine = Engine(model, self.state, self.clock, threads, self._timers, RankLists)
-        lists, executor = self.engine.lists, self.engine.executor
+        self.way = way_of(world, model)
+        self.engine = Engine(model, self.state, self.clock, threads, self._timers, RankLists, self.way.executor)
+        lists = self.engine.lists
         assert isinstance(lists, RankLists)
         self.lists = lists
         lists.world, lists.move_grains, lists.fast_found = world, self._move_grains, self._notice_travel
         lists.leave, lists.rebuilt = self._leave, self._connect_answers
-        stages = len(features.backend.scheme.STAGES)
-        if isinstance(executor, CpuExecutor):
-            self.exchange = Exchange(world, stages)
-            executor.exchange = self.exchange.address
-        else:
-            assert isinstance(executor, StageExecutor)
-            self.exchange = staged = StagedExchange(world, stages, self.engine.batch.report.moved)
-            executor.exchange = staged.after_stage
-        if self.engine.moves_walls:
-            self.exchange.loads = self.engine.batch.control.dynamic.sums
+        self.exchange = self.way.exchange(world, self.engine)
         self.engine.batch.control.removes_in_step.zero_()  # ranks count what leaves together
         self.view = RunView(model, self.state, self.clock, self.engine, None, lists.view, threads=threads)
         self.engine.read_ghosts = self.read_ghosts
@@ -250,7 +240,7 @@ class Rank(RankReadings):
         return self.world.gathered({
             "device": self._model.device.alias, "grains": state.owned, "ghosts": state.ghosts,
             "migrated": self.counts.migrated, "rebuilds": self.counts.rebuilds, "cuts": self.counts.cuts,
-            "share_inside": self.share_inside, "exchanges": exchange.calls,
+            "share_inside": self.share_inside, "way": self.way.text, "exchanges": exchange.calls,
             "bytes": exchange.bytes, "waiting": exchange.seconds, "gathers": self.gathers,
             "seconds": dict(self._timers.seconds),
         })  # fmt: skip
@@ -340,7 +330,7 @@ class Rank(RankReadings):
         clock, lists = self.clock, self.lists
         if not clock.forces_evaluated:
             lists.update(grown=self._new is not None)
-        if self.state.slots:
+        if self.state.slots or isinstance(self.exchange, DeviceExchange):
             with self._timers.measure("steps"):
                 done, found = self.engine.advance(count, not clock.forces_evaluated, hold)
         else:
@@ -354,6 +344,7 @@ class Rank(RankReadings):
 
     def _steps_without_grains(self, count: int) -> tuple[int, int]:
         """Agree with the others on each of up to ``count`` steps."""
+        assert not isinstance(self.exchange, DeviceExchange)
         for step in range(1, count + 1):
             if self.engine.moves_walls:
                 self.exchange.call(step, WALL_LOADS, 0)
