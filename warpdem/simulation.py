@@ -67,7 +67,7 @@ class Simulation(RecordedRun):
 
     def __repr__(self) -> str:
         where = f"t = {self.time:.6g} s (step {self.step_number}) on {self.device.alias}"
-        return f"<Simulation of {self.scene.source}: {len(self.state)} grains at {where}>"
+        return f"<Simulation of {self.scene.source}: {self.count} grains at {where}>"
 
     def clock(self, stage: str) -> AbstractContextManager[None]:
         """Add the time spent inside to ``seconds[stage]``."""

@@ -43,6 +43,31 @@ def test_every_point_has_one_owner_and_weights_are_even(rng, parts):
     assert set(cuts.owner(on_a_cut)) <= set(range(parts))
 
 
+def test_around_some_grains_are_those_they_touch(rng):
+    """Whole clumps, contacts of these grains, points of all; of two ranks together the same as of one that holds all."""
+    ids = np.arange(40) * 3
+    clump = np.where(ids // 12 % 3 == 0, ids // 12 * 12, -1)
+    pair = np.unique(np.sort(rng.choice(ids, (60, 2)), axis=1), axis=0)
+    pair = pair[pair[:, 0] < pair[:, 1]]
+    point = np.sort(rng.choice(ids, 25))
+    whole = Portion(
+        {"id": ids, "clump": clump}, {"pair": pair}, {"wall_contact_grain": point}, {"id": np.unique(clump[clump >= 0])}
+    )
+    some = np.array([9, 36, 75])
+    touches = [p for p in pair.tolist() if set(p) & set(some.tolist())]
+    near = {*some.tolist(), *(one for p in touches for one in p)}
+    leads = {clump[one // 3] for one in near} - {-1}
+    wanted = sorted(one for one in ids.tolist() if one in near or clump[one // 3] in leads)
+    parts = whole.split(np.where(clump >= 0, clump, ids) // 12 % 2, 2)
+    joined = Portion.joined([part.around(some) for part in parts])
+    assert len(near) < len(wanted) < len(ids) and len(touches) > 5
+    for found in (whole.around(some), joined):
+        assert found.grains["id"].tolist() == wanted
+        assert found.pairs["pair"].tolist() == touches
+        assert found.points["wall_contact_grain"].tolist() == [one for one in point.tolist() if one in wanted]
+        assert set(found.clumps["id"].tolist()) == leads
+
+
 def test_shifted_cuts_keep_their_axes(rng):
     position = rng.uniform(size=(1000, 3)) * [3, 1, 1]
     cuts = Cuts.of(position, np.ones(1000), 4)

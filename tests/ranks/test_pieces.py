@@ -22,7 +22,8 @@ from warpdem.ranks import launcher
 PROGRAM = Path(__file__).parents[1] / "helpers" / "rank_program.py"
 TASKS = [("milled", "3"), ("clumped", "2+3"), ("clumped", "3+1"), ("few", "4"), ("soaked", "2"), ("stirred", "3"),
          ("worn", "2"), ("worn", "3"), ("worn", "4"), ("belted", "3"), ("poured", "2")]
-SUMMED = [("few", "4"), ("stirred", "3"), ("worn", "2"), ("worn", "3"), ("worn", "4"), ("belted", "3"), ("poured", "2")]
+SUMMED = [("few", "4"), ("stirred", "3"), ("worn", "2"), ("worn", "3"), ("worn", "4"), ("belted", "3"), ("poured", "2"),
+          ("soaked", "2")]
 """Those whose rows are sums, and whose guards need no more."""
 CHECKPOINTS = 1
 """That all grains are gathered for: the one at the end; at the start they are not dealt out yet."""

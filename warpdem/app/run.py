@@ -183,7 +183,7 @@ def _advance(sim: Simulation, outputs: Outputs, end: float, resumed: bool, conso
                         outputs.settle()
                         checkpoint.save(sim, path)
                     saved = now
-                n, rate = len(sim.state), (step - first) / max(now - began, 1e-9)
+                n, rate = sim.count, (step - first) / max(now - began, 1e-9)
                 chunk = max(1, int(SECONDS_PER_CHUNK * rate))
                 tell(step, f"t = {sim.time:.4g} of {end:g} s  {speed_text(1.0 / rate, n)}  {n} grains")
             if sim.step_number == last:

@@ -39,6 +39,11 @@ class RunReadings:
         return view
 
     @property
+    def count(self) -> int:
+        """Number of grains; over ranks they are not gathered for it."""
+        return Totals(self.live).count
+
+    @property
     def particles(self) -> observers.Particles:
         """The grains at the present time, ordered by id."""
         return observers.Particles(self.view)

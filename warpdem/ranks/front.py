@@ -210,12 +210,12 @@ class Front(RunLoop):
         """Count the liquid that grains have taken along."""
         self._state.liquid_left = self._state.liquid_left + counts
 
-    def _before_leaving(self, whole: Portion, ids: np.ndarray) -> None:
-        """Let the budgets count the grains ``ids`` that are about to leave."""
+    def _before_leaving(self, near: Portion, ids: np.ndarray) -> None:
+        """Let the budgets count the grains ``ids`` that are about to leave; ``near``: these and those they touch."""
         self._clock.step_number = self.rank.clock.step_number
-        self._state.restore({**whole.data, "next_id": self._state.next_id})
+        self._state.restore({**near.data, "next_id": self._state.next_id})
         self._engine.restore(self._engine.extreme, {})
-        contact_history.restore(self._engine.lists, whole.data, since=1)
+        contact_history.restore(self._engine.lists, near.data, since=1)
         self._engine.leavers.before_leaving(np.flatnonzero(np.isin(self._state.id.numpy(), ids)))
 
     def _take_extremes(self, found: np.ndarray) -> None:

@@ -141,6 +141,20 @@ class Portion:
         grains = _joined([self.grains, {name: new.grains[name] for name in self.grains}])
         return Portion(grains, self.pairs, self.points, _joined([self.clumps, new.clumps]))
 
+    def around(self, some: np.ndarray) -> "Portion":
+        """The grains with ids ``some`` and those in contact with them, whole clumps; contacts with ``some``, points of all."""
+        pairs, near = self.pairs, some
+        if pairs:
+            pairs = _rows(pairs, np.flatnonzero(np.isin(pairs["pair"], some).any(axis=1)))
+            near = np.union1d(some, pairs["pair"])
+        kept = np.flatnonzero(self.bodies_of(np.isin(self.grains["id"], near)))
+        ids = self.grains["id"][kept]
+        points, clumps = (
+            _rows(table, np.flatnonzero(np.isin(table[name], ids))) if table else table
+            for table, name in ((self.points, f"{POINTS}grain"), (self.clumps, "id"))
+        )
+        return Portion(_rows(self.grains, kept), pairs, points, clumps)
+
     def keep_owned_pairs(self) -> None:
         """Keep of the contacts between grains those whose lower id is among the grains: each on one rank."""
         if self.pairs:

@@ -70,7 +70,8 @@ class Rank(RankReadings):
         counts: what was done.
         notice: takes a guard's verdict, on rank 0.
         count_left: takes the grains that leave, and the number of the outlet of each as ``way_out`` of them, on rank 0.
-        before_leaving: takes all grains and contacts, and the ids of those that leave, on rank 0, where budgets ask for it.
+        before_leaving: takes the grains that leave with those they touch, and the ids of the former, on rank 0, where budgets
+            ask for it.
         take_liquid: takes the liquid of grains that have left, columns as of ``State.film``, on rank 0.
     """
 
@@ -93,7 +94,7 @@ class Rank(RankReadings):
         self._guard = TravelGuard(model)
         self.notice: Callable[[Verdict], None] = lambda verdict: None
         self.count_left: Callable[[Portion], None] = lambda leaving: None
-        self.before_leaving: Callable[[Portion, np.ndarray], None] = lambda whole, ids: None
+        self.before_leaving: Callable[[Portion, np.ndarray], None] = lambda near, ids: None
         self.take_liquid: Callable[[np.ndarray], None] = lambda counts: None
         self._new: Portion | None = None  # inserted, and in no list yet
         self.counts, self._tried = Counts(), -WAIT
@@ -279,22 +280,23 @@ class Rank(RankReadings):
         gone, where = self.lists.leaving
         state, world = self.state, self.world
         self.engine.settle_losses()
+        every = np.concatenate(world.everyone(state.id.numpy()[gone]))
         if self._model.features.measures.sums:
-            ids = world.gathered(state.id.numpy()[gone])
-            whole = self.whole(self._before)
-            if whole is not None:
-                self.before_leaving(whole, np.concatenate(ids))
+            near = self.own(self._before).around(every)
+            near.keep_owned_pairs()
+            found = transfer.gather(world, near)
+            if found is not None:
+                self.before_leaving(found, every)
         by_id = np.argsort(state.id.numpy()[gone])
         mine = Portion.of(self.arrays_of(state, gone[by_id])).made()
         mine.grains["way_out"] = where[by_id]
-        found, error = world.gathered(mine), None
-        if found:
+        leaving, error = world.gathered(mine), None
+        if leaving:
             try:
-                self.count_left(Portion.joined(found))
+                self.count_left(Portion.joined(leaving))
             except StabilityError as stop:
                 error = stop
         world.raise_first(error)
-        every = np.concatenate(world.everyone(state.id.numpy()[gone]))
         self.lists.remove(gone, state.owned + np.flatnonzero(np.isin(state.id.numpy()[state.owned :], every)))
         if state.film is not None:
             for counts in world.gathered(state.film.numpy()[gone].sum(axis=0)):
