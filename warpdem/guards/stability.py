@@ -290,7 +290,8 @@ def _wall_ratio(view: RunView, now: Totals) -> Ratio:
 def _far_below(now: Totals) -> bool:
     """Whether the estimate is below the limit whatever the order of its sums: then nothing is sorted by ids."""
     found = [one for one in now.each(own_worst) if one is not None]
-    return not found or now.view.clock.dt / least_limit(*(max(values) for values in zip(*found, strict=True))) < 1.0 - ROUNDING
+    # of NumPy: what is no number on some rank must not get lost
+    return not found or bool(now.view.clock.dt / least_limit(*np.max(found, axis=0).tolist()) < 1.0 - ROUNDING)
 
 
 def own_worst(part: Part) -> tuple[float, float] | None:
