@@ -9,14 +9,14 @@ from warpdem.kernels import MODULE_OPTIONS
 wp.set_module_options(MODULE_OPTIONS)
 
 
-@wp.kernel
+@wp.kernel(enable_backward=False)
 def take_rows(array: wp.array2d(dtype=wp.uint32), rows: wp.array(dtype=wp.int32), rows_out: wp.array2d(dtype=wp.uint32)):
     """One word per thread: ``rows`` of the array, in their order."""
     k, word = wp.tid()
     rows_out[k, word] = array[rows[k], word]
 
 
-@wp.kernel
+@wp.kernel(enable_backward=False)
 def put_rows(values: wp.array2d(dtype=wp.uint32), rows: wp.array(dtype=wp.int32), array_out: wp.array2d(dtype=wp.uint32)):
     """One word per thread: the values become ``rows`` of the array, of which none stands twice."""
     k, word = wp.tid()
