@@ -11,6 +11,7 @@ from warpdem import Scene, Simulation
 from warpdem.app.run import run_scene
 from warpdem.app.summary import turning_line
 from warpdem.measure.dimensionless import TurningNumbers, rotating_axes
+from warpdem.measure.totals import Totals
 
 RATE, RADIUS, SPEED = 4.0, 0.05, 0.3
 HALF_TURN = {"axis": [0, 0, 1], "schedule": [{"until": 5e-3, "rate": RATE}]}
@@ -41,7 +42,7 @@ def scene(frame=None, walls=(), **changes) -> Scene:
 
 def numbers(of: Scene):
     gathered = TurningNumbers(of)
-    gathered.add(Simulation(of, device="cpu", threads=1).view)
+    gathered.add(Totals(Simulation(of, device="cpu", threads=1).view))
     return gathered.result()
 
 
