@@ -197,4 +197,5 @@ class Simulation(RecordedRun):
 
     def state_hash(self) -> str:
         """SHA-256 of step number, ids and moving state in order of id: equal runs have equal hashes."""
+        self.live.gather()
         return self.state.digest(self.step_number)

@@ -3,12 +3,14 @@
 import inspect
 import json
 import platform
+from contextlib import suppress
 from dataclasses import asdict
 from typing import Any
 
 import numpy as np
 
 from warpdem.app import scene_warnings, step_limits, summary
+from warpdem.errors import WarpdemError
 from warpdem.measure.dimensionless import Turning
 from warpdem.model import digests
 from warpdem.ranks.front import Front
@@ -25,12 +27,15 @@ def record(sim: Simulation, status: str, wall_seconds: float, turning: Turning |
     from warpdem import __version__
 
     scene = sim.scene.model_dump(mode="json")
+    with suppress(WarpdemError):  # forces that cannot be evaluated: the grains are known as they are
+        sim.live.gather()
+    whole = sim.live.gather()  # of a run over ranks that cannot answer nobody knows the present state
     return {
         "status": status,
         "scene": sim.scene.source,
         "title": sim.scene.title,
         "scene_hash": digests.scene_hash(sim.scene),
-        "state_hash": sim.state_hash(),
+        "state_hash": sim.state_hash() if whole else None,
         "versions": {"warpdem": __version__, "warp": wp.config.version, "numpy": np.__version__,
                      "python": platform.python_version()},
         "device": str(sim.device),
@@ -39,7 +44,7 @@ def record(sim: Simulation, status: str, wall_seconds: float, turning: Turning |
         "plan": sim.plan.explain(),
         "notes": sim.notes,
         "warnings": [*scene_warnings.warnings(sim), *summary.shortfalls(sim)],
-        "grains": len(sim.state),
+        "grains": len(sim.state) if whole else None,
         "time": sim.time,
         "steps": sim.step_number,
         "time_step": {"used": sim.dt, "candidates": sim.limits.candidates, "binding": sim.limits.binding,

@@ -138,11 +138,12 @@ class Front(RunLoop):
             self._take_extremes(self.on_all("extremes"))
             self._is_evaluated = True
 
-    def gather(self) -> None:
+    def gather(self) -> bool:
         """As ``Parts``: gather the whole of the present time, if it is not here."""
         self.evaluate()
         if not (self.all_here or self._is_gathered):
             self._gather()
+        return not self._is_dealt or self._has_stopped or self._is_gathered
 
     # -- steps ----------------------------------------------------------------------------------
 
@@ -157,12 +158,13 @@ class Front(RunLoop):
         hold = insertion is not None and insertion - before <= count
         count = insertion - before if hold and insertion is not None else count
         max_overlap = float(self._engine.batch.control.max_overlap.numpy()[0])
+        self._is_evaluated = self._is_gathered = False  # also where the steps end with an error
         try:
             with self._timers.measure("steps"), self._shown_where_it_stops():
                 self.on_all("advance", count, max_overlap, hold)
         finally:
             clock.step_number = self.rank.clock.step_number
-        clock.forces_evaluated = self._is_evaluated = self._is_gathered = False
+        clock.forces_evaluated = False
         self.steps_done += clock.step_number - before
         self._take_extremes(self.on_all("extremes"))
         if clock.step_number == insertion:

@@ -28,8 +28,8 @@ class Parts(Protocol):
     def each(self, read: Callable[..., Thing]) -> list[Thing]:
         """What ``read`` gives of the part of each process, a ``measure.part.Part``."""
 
-    def gather(self) -> None:
-        """Let this process have a copy of all grains and contacts of the present time."""
+    def gather(self) -> bool:
+        """Let this process have a copy of all grains and contacts of the present time; false if the others cannot answer."""
 
 
 class StepReader(Protocol):
@@ -90,10 +90,9 @@ class RunView:
         """The contacts of the present lists."""
         return self.listed()
 
-    def gather(self) -> None:
-        """Let the view hold all grains and contacts of the run, whose forces are evaluated."""
-        if self.parts is not None:
-            self.parts.gather()
+    def gather(self) -> bool:
+        """Let the view hold all grains and contacts of the run, whose forces are evaluated; false where it cannot."""
+        return self.parts is None or self.parts.gather()
 
     def still(self, name: str, moves: bool, read: Callable[[], Thing]) -> Thing:
         """What ``read`` gives, once for all times if it never moves; kept under ``name``."""
