@@ -80,3 +80,11 @@ def test_a_run_that_was_killed_is_not_said_to_run(tmp_path):
     assert run.status == "ended without a record"
     (tmp_path / "a" / LOCK).write_text("{}")
     assert run.status == "ended without a record"
+
+
+def test_a_run_that_has_ended_since_its_record_was_read_is_done(tmp_path):
+    with locked(tmp_path / "a"):
+        run = runs.read(recorded(tmp_path / "a", {"status": "running", "scene": "b.toml"}))
+        (tmp_path / "a" / "run.json").write_text(json.dumps({"status": "done", "scene": "b.toml"}))
+        assert run.status == "running"
+    assert run.status == "done"

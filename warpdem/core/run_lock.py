@@ -102,8 +102,8 @@ def is_locked(folder: Path) -> bool:
     return bool(_owner(folder).get("host", platform.node()) != platform.node())
 
 
-def is_left(folder: Path) -> bool:
-    """Whether no run writes into ``folder``; false where that cannot be told."""
+def is_abandoned(folder: Path) -> bool:
+    """Whether no run writes into ``folder``; false where that is unknown."""
     lock = folder / LOCK
     return not is_locked(folder) and (not lock.exists() or os.access(lock, os.R_OK | os.W_OK))
 

@@ -20,7 +20,7 @@ from warpdem.model.model import Model
 
 STEPS = 8
 """Steps of a graph. A look at the clock holds up the device once in so many steps; when steps end, half as many on average are
-launched in vain, and an inner list of grains that flow lasts some tens of steps. Not measured: no GPU."""
+launched without effect. A guess: no GPU has run it."""
 
 
 class StepMessages(Protocol):

@@ -53,7 +53,8 @@ class SideGuard:
 
     def look(self, view: RunView, now: Totals) -> Verdict | None:
         """Which grain is on another side than the one it was first seen on, None if none is."""
-        behind = self._shapes and max(now.each(furthest_behind)) > ALLOWED - ROUNDING
+        # what is no number is no less than anything: it must be looked at, on whichever rank it is
+        behind = self._shapes and not np.max(now.each(furthest_behind)) <= ALLOWED - ROUNDING
         if not (self._meshes or behind):
             return None
         view.gather()

@@ -2,7 +2,7 @@
 
 import importlib
 from collections.abc import Iterator
-from contextlib import AbstractContextManager, contextmanager
+from contextlib import AbstractContextManager, contextmanager, suppress
 from typing import Any, Protocol
 
 import warp as wp
@@ -125,7 +125,8 @@ def nccl_messages(world: World, device: wp.Device) -> tuple[NcclMessages | None,
         problem = f"NCCL does not start ({error})"
     if why := _first(world, problem):
         if messages is not None:
-            messages.abort()
+            with suppress(Exception):  # as whatever it says, the host carries the messages
+                messages.abort()
         return None, why
     return messages, ""
 

@@ -1,6 +1,6 @@
 """Neighbor lists of a rank, built at the same steps as those of all others.
 
-Steps stop on all ranks where a grain of any has moved too far for the inner list. All inner lists are then built anew, or all
+Steps stop on all ranks where a grain of any has moved too far for the inner list. All inner lists are then built again, or all
 outer ones, and with those grains change hands and ghosts are chosen again. So a ghost has moved just as far since as its owner
 found, who alone looks, and ranks have the same skins.
 """
@@ -27,7 +27,7 @@ class RankLists(NeighborLists):
 
     Attributes:
         world: the ranks.
-        move_grains: called where outer lists are to be built: deals the grains out anew and builds them.
+        move_grains: called where outer lists are to be built: deals the grains out again and builds them.
         leave: called on all ranks where a grain of some is in an outlet: counts and removes those.
         fast_found: called on all ranks where a grain of some is fast beside a mesh, with whether one is on this rank.
         rebuilt: called where inner lists were built.

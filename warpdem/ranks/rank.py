@@ -193,7 +193,7 @@ class Rank(RankReadings):
         return replace(self.view, clock=Clock(self.clock.dt, self.clock.step_number - 1))
 
     def _move_grains(self) -> None:
-        """Deal the grains out anew, and build both lists."""
+        """Deal the grains out again, and build both lists."""
         world, mine = self.world, self.own(self._before, forces=False)
         if self._new is not None:
             mine = mine.with_grains(self._new)

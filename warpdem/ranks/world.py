@@ -23,7 +23,7 @@ class World:
     Attributes:
         size: number of ranks.
         rank: number of this one, from 0.
-        busy: this rank does something together with the others.
+        busy: this rank does something together with the others, or they have ended: they do not answer.
         agreed: the error that all ranks have raised last; any other is of this rank alone.
         at_end: what lets go of what MPI holds, called when all ranks end.
     """
@@ -154,9 +154,10 @@ class World:
             raise self.agreed
 
     def close(self) -> None:
-        """Let go of what MPI holds."""
+        """Let go of what MPI holds; the other ranks do not answer any more."""
         for let_go in self.at_end:
             let_go()
+        self.busy = True
 
     def abort(self, code: int) -> None:
         """End all ranks at once: the last resort, where they cannot agree any more."""

@@ -7,7 +7,7 @@ from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from warpdem.core.run_lock import is_left
+from warpdem.core.run_lock import is_abandoned
 from warpdem.errors import WarpdemError
 from warpdem.runs.history import History, joined, read_history
 
@@ -61,7 +61,10 @@ class Run:
         ``ENDED`` of a run that was killed, or that a rank has ended: run.json says "running", but nobody writes there.
         """
         status = str(self.record.get("status", "unknown"))
-        return ENDED if status == "running" and is_left(self.folder) else status
+        if status != "running" or not is_abandoned(self.folder):
+            return status
+        now = str(read(self.folder).record.get("status", "unknown"))  # it may have ended since the record was read
+        return ENDED if now == "running" else now
 
     @property
     def last(self) -> dict[str, Any]:
